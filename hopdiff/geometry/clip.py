@@ -1,0 +1,48 @@
+"""A motion as frames of joint rotations: what every reader makes and every writer takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from torch import Tensor
+
+from hopdiff.geometry.skeleton import Skeleton
+
+
+@dataclass(frozen=True)
+class Clip:
+    """Frames at equal intervals; immutable.
+
+    root_position: (T, 3) world position of joint 0 [m]. rotations: (T, J, 3, 3), each in its parent's frame.
+    frame_time: seconds between frames. Axes: x left, y up, z forward.
+    """
+
+    skeleton: Skeleton
+    root_position: Tensor
+    rotations: Tensor
+    frame_time: float
+
+    @property
+    def frames(self) -> int:
+        return self.root_position.shape[0]
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return (self.frames - 1) * self.frame_time
+
+    def joint_positions(self) -> Tensor:
+        """(T, J, 3) world positions [m]."""
+        return self.skeleton.forward(self.root_position, self.rotations)[0]
+
+    def end_positions(self) -> dict[str, Tensor]:
+        """World positions (T, 3) of the end sites by joint name [m]."""
+        return self.skeleton.end_positions(*self.skeleton.forward(self.root_position, self.rotations))
+
+    def in_place(self) -> Clip:
+        """The same motion with the steady travel from first to last frame removed from the ground plane."""
+        travel = self.root_position[-1] - self.root_position[0]
+        travel = travel.clone()
+        travel[1] = 0.0
+        share = self.root_position.new_tensor(range(self.frames)) / max(self.frames - 1, 1)
+        return replace(self, root_position=self.root_position - share[:, None] * travel)
