@@ -1,0 +1,109 @@
+"""The record of a run: metrics, history, settings, and what it was made with."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from hopdiff.io.files import write_whole
+from hopdiff.types import HopdiffError
+
+LIBRARIES = ("torch", "numpy", "hydra-core", "omegaconf", "matplotlib", "tensorboard", "pillow", "cmaes")
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make a folder and see that files can be written there. Raises HopdiffError otherwise."""
+    probe = folder / f".write-test-{os.getpid()}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError as error:
+        raise HopdiffError(f"The run folder {str(folder)!r} cannot be written: {error.strerror or error}.") from error
+
+
+def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a CSV file with a header; None and NaN become empty cells."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        writer.writerow("" if _blank(value) else value for value in row)
+    write_whole(path, text.getvalue())
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a JSON file that every reader takes: numbers that are not finite become null."""
+    write_whole(path, json.dumps(_finite(content), indent=2, allow_nan=False) + "\n")
+
+
+def versions(command: Sequence[str]) -> dict[str, Any]:
+    """What a run was made with, as far as it bears on repeating it. command: the overrides typed by the user."""
+    return {
+        "command": list(command),
+        "hopdiff": _version("hopdiff"),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "machine": platform.machine(),
+        "threads": torch.get_num_threads(),
+        "executable": Path(sys.executable).name,
+        **{name: _version(name) for name in LIBRARIES},
+    }
+
+
+def git_state(folder: Path) -> dict[str, Any]:
+    """The commit of the checkout that holds a folder, and whether tracked files differ from it."""
+    commit = _git(folder, "rev-parse", "HEAD")
+    if commit is None:
+        return {"checkout": False}
+    status = _git(folder, "status", "--porcelain", "--untracked-files=no")
+    return {
+        "checkout": True,
+        "commit": commit,
+        "branch": _git(folder, "rev-parse", "--abbrev-ref", "HEAD"),
+        "dirty": bool(status) if status is not None else None,
+    }
+
+
+def _git(folder: Path, *command: str) -> str | None:
+    """What a git command prints, or None where there is no git, no checkout, or a checkout without commits."""
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(folder), *command], capture_output=True, text=True, timeout=10, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _blank(value: Any) -> bool:
+    return value is None or (isinstance(value, float) and math.isnan(value))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
