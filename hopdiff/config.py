@@ -1,0 +1,207 @@
+# No `from __future__ import annotations`: Hydra reads the types of the settings classes.
+"""The settings: their schema, where their files lie, and how they become objects."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cache
+from pathlib import Path
+from typing import Any, Optional
+
+import hydra
+import torch
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING, DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from hopdiff.character import Character, CharacterSettings
+from hopdiff.costs import CostSettings
+from hopdiff.genes import GeneSettings, GeneTable
+from hopdiff.messages import choose, one_line
+from hopdiff.models import build_model
+from hopdiff.models.base import ModelSettings
+from hopdiff.problem import RunProblem
+from hopdiff.search import SEARCHES
+from hopdiff.search.base import Search
+from hopdiff.search.loop import Budget
+from hopdiff.tasks.job import Job
+from hopdiff.types import HopdiffError
+
+DTYPES = {"float32": torch.float32, "float64": torch.float64}
+MAX_FPS = 10_000.0
+
+# Hydra 1.4 drops the argument that 1.3 asks for.
+HYDRA_BASE: dict[str, Any] = {"version_base": None} if hydra.__version__ < "1.4" else {}
+
+# What a genes file brings along: a replay takes these from the file unless they are typed on the command line.
+SAVED = ("speed", "beta", "seed", "fps", "dtype", "model", "character", "costs", "genes")
+
+
+@dataclass
+class TaskSettings:
+    """name: what to do; label: the last part of the run folder's name."""
+
+    name: str = MISSING
+    label: str = MISSING
+
+
+@dataclass
+class BudgetSettings:
+    """See `hopdiff.search.loop.Budget`."""
+
+    evaluations: int = 10_000
+    gradient_price: float = 3.0
+    target: Optional[float] = None
+
+
+@dataclass
+class Config:
+    """Everything that can be set. speed [m/s]; beta in [0, 1); fps [frames/s]; the groups are files in conf/."""
+
+    speed: float = 5.0
+    beta: float = 0.7
+    seed: int = 0
+    device: str = "cpu"
+    dtype: str = "float64"
+    threads: int = 1
+    fps: float = 60.0
+    runs: Optional[str] = None
+    genes_file: Optional[str] = None
+    budget: BudgetSettings = field(default_factory=BudgetSettings)
+    task: TaskSettings = field(default_factory=TaskSettings)
+    model: ModelSettings = field(default_factory=ModelSettings)
+    search: dict[str, Any] = field(default_factory=dict)
+    character: CharacterSettings = field(default_factory=CharacterSettings)
+    costs: CostSettings = field(default_factory=CostSettings)
+    genes: GeneSettings = field(default_factory=GeneSettings)
+
+
+def register_schema() -> None:
+    """Tell Hydra the types, so that a wrong name or type in any file or override is an error."""
+    ConfigStore.instance().store(name="schema", node=Config)
+
+
+def config_folder() -> Path:
+    """The folder of the configuration files: inside an installed package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parent
+    for folder in (package / "conf", package.parent / "conf"):
+        if (folder / "config.yaml").is_file():
+            return folder
+    raise HopdiffError("This installation of hopdiff lacks its configuration folder conf/.")
+
+
+def compose(overrides: Sequence[str] = ()) -> DictConfig:
+    """The settings that a command line with these overrides stands for, outside a Hydra application."""
+    register_schema()
+    with hydra.initialize_config_dir(str(config_folder()), job_name="hopdiff", **HYDRA_BASE):
+        return hydra.compose("config", list(overrides))
+
+
+@cache
+def known_settings() -> list[str]:
+    """The dotted names of all settings and sections, those of every search included."""
+
+    def names(node: Any, prefix: str) -> Iterator[str]:
+        if isinstance(node, Mapping):
+            for key in node:
+                yield f"{prefix}{key}"
+                yield from names(node[key], f"{prefix}{key}.")
+
+    searches = {entry.name for search in SEARCHES.values() for entry in fields(search)}
+    return [*names(OmegaConf.to_container(compose()), ""), *(f"search.{name}" for name in searches)]
+
+
+def checked(config: DictConfig) -> Config:
+    """The settings as an object. Raises an OmegaConfBaseException if a name or type does not fit the schema."""
+    return OmegaConf.to_object(_strict(OmegaConf.to_container(config, resolve=True)))  # type: ignore[return-value]
+
+
+def with_saved(config: DictConfig, saved: Mapping[str, Any], typed: Sequence[str]) -> DictConfig:
+    """A config with the settings that a genes file brings along put in, except those typed by the user.
+
+    typed: the dotted names on the command line; a group that was chosen there ("model") replaces the saved one
+    whole, a single setting ("model.step") only itself. Raises HopdiffError if the file's settings do not fit.
+    """
+    plain: Any = OmegaConf.to_container(config, resolve=True)
+    try:
+        result = _strict(plain | {name: saved[name] for name in SAVED if name in saved and name not in typed})
+    except OmegaConfBaseException as error:
+        raise HopdiffError(f"The settings in the genes file do not fit: {error.full_key}: {one_line(error)}.") from error
+    for name in typed:
+        if name.split(".")[0] in SAVED and "." in name:
+            OmegaConf.update(result, name, OmegaConf.select(config, name))
+    return result
+
+
+def _strict(plain: Any) -> DictConfig:
+    """Plain data checked against the schema; unlike Hydra, this takes no new names from "+name=value" either."""
+    return OmegaConf.merge(OmegaConf.structured(Config), plain)  # type: ignore[return-value]
+
+
+def build_job(config: DictConfig) -> Job:
+    """Check the settings and build what a search or a replay needs.
+
+    Raises HopdiffError, or an OmegaConfBaseException, that names the setting.
+    """
+    settings = checked(config)
+    check_numbers(settings)
+    dtype = DTYPES[choose("dtype", settings.dtype, DTYPES)]
+    device = build_device(settings.device, dtype)
+    character = Character.build(settings.character, dtype, device)
+    table = GeneTable.build(settings.genes, character.leg_length, settings.speed, dtype, device)
+    model = build_model(settings.model, character)
+    problem = RunProblem(character, table, model, settings.costs, settings.speed, settings.beta)
+    plain: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
+    return Job(
+        problem=problem,
+        table=table,
+        search=build_search(settings.search),
+        budget=Budget(**vars(settings.budget)),
+        seed=settings.seed,
+        fps=settings.fps,
+        settings=plain,
+        saved={name: plain[name] for name in SAVED},
+    )
+
+
+def check_numbers(settings: Config) -> None:
+    """Raises HopdiffError if a top-level number is out of its range."""
+    if not (math.isfinite(settings.speed) and settings.speed > 0):
+        raise HopdiffError(f"speed must be a number above 0 [m/s], not {settings.speed:g}.")
+    if not 0 <= settings.beta < 1:
+        raise HopdiffError(f"beta must be at least 0 and below 1, not {settings.beta:g}.")
+    if not 0 < settings.fps <= MAX_FPS:
+        raise HopdiffError(f"fps must be above 0 and at most {MAX_FPS:g} frames/s, not {settings.fps:g}.")
+    if not 0 <= settings.seed < 2**63:
+        raise HopdiffError(f"seed must be a whole number from 0 to 2^63 - 1, not {settings.seed}.")
+    if settings.threads < 1:
+        raise HopdiffError(f"threads must be at least 1, not {settings.threads}.")
+
+
+def build_device(name: str, dtype: torch.dtype) -> torch.device:
+    """A device that is there and knows the dtype. Raises HopdiffError otherwise."""
+    try:
+        device = torch.device(name)
+        torch.zeros(1, dtype=dtype, device=device).item()
+    except TypeError as error:
+        raise HopdiffError(f"device {name!r} has no {dtype}: set dtype=float32.") from error
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        there = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
+        there += ["mps"] if torch.backends.mps.is_available() else []
+        raise HopdiffError(f"device {name!r} cannot be used here: choose one of {', '.join(there)}.") from error
+    return device
+
+
+def build_search(settings: Mapping[str, Any]) -> Search:
+    """The search that `name` stands for. Raises HopdiffError for an unknown name or setting, or a wrong value."""
+    name = choose("search.name", str(settings.get("name")), SEARCHES)
+    search = SEARCHES[name]
+    known = [entry.name for entry in fields(search)]
+    for key in settings:
+        choose(f"setting of search {name}", key, known)
+    schema = OmegaConf.structured(search)
+    OmegaConf.set_readonly(schema, False)
+    try:
+        return OmegaConf.to_object(OmegaConf.merge(schema, dict(settings)))  # type: ignore[return-value]
+    except OmegaConfBaseException as error:
+        raise HopdiffError(f"search.{error.full_key}: {one_line(error)}") from error

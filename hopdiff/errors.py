@@ -1,0 +1,102 @@
+"""Errors of Hydra, OmegaConf and the operating system, each as one sentence for the user."""
+
+from __future__ import annotations
+
+import re
+import traceback
+from collections.abc import Callable, Iterable
+
+from hydra.errors import ConfigCompositionException, MissingConfigException, OverrideParseException
+from omegaconf.errors import (
+    ConfigAttributeError,
+    ConfigKeyError,
+    InterpolationResolutionError,
+    OmegaConfBaseException,
+    ValidationError,
+)
+from yaml import MarkedYAMLError
+
+from hopdiff.messages import near, one_line, unknown
+from hopdiff.types import HopdiffError
+
+_KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false", "String": "a text"}
+_FOREIGN = ("/hydra/", "/omegaconf/", "/yaml/", "/antlr4/")
+
+
+def sentence(error: BaseException, known: Callable[[], Iterable[str]]) -> str | None:
+    """What the user should read, or None if the error is none of theirs.
+
+    known: gives the names of all settings, for suggestions.
+    """
+    match error:
+        case HopdiffError():
+            return str(error)
+        case MissingConfigException():
+            return _missing_choice(error)
+        case OverrideParseException():
+            return f"The override {error.override!r} cannot be read: write NAME=VALUE, and quote a value with signs in it."
+        case ConfigCompositionException():
+            return _composition(error, known)
+        case OmegaConfBaseException():
+            return _setting(error, str(error.full_key or ""), str(error), known)
+        case MarkedYAMLError():
+            mark = error.problem_mark
+            where = f"{mark.name}, line {mark.line + 1}" if mark else "A configuration file"
+            return f"{where}: not YAML ({error.problem})."
+        case OSError() if error.filename is not None:
+            return f"The run folder (hydra.run.dir) cannot be written: {error.filename}: {error.strerror}."
+        case ValueError() if isinstance(error.__cause__, OSError):  # the log file in the run folder
+            return sentence(error.__cause__, known)
+    return f"{one_line(error)}." if _raised_abroad(error) else None
+
+
+def _missing_choice(error: MissingConfigException) -> str:
+    group, _, name = str(error.missing_cfg_file or "").rpartition("/")
+    if not group or not error.options:
+        return f"Unknown group {group or name!r}: python -m hopdiff --help lists the groups."
+    return unknown(group, name, error.options)
+
+
+def _composition(error: ConfigCompositionException, known: Callable[[], Iterable[str]]) -> str:
+    text = str(error)
+    if isinstance(error.__cause__, OmegaConfBaseException):
+        key = str(error.__cause__.full_key or "")
+        return _setting(error.__cause__, key, str(error.__cause__), known)
+    if found := re.match(r"In '(.+?)': (\w+) raised while composing config:\s*(.*)", text, re.DOTALL):
+        file, kind, rest = found.groups()
+        key = re.search(r"full_key: (\S+)", rest)
+        cause = {"ValidationError": ValidationError, "ConfigKeyError": ConfigKeyError}.get(kind, OmegaConfBaseException)
+        return f"{file}.yaml: {_setting(cause(rest), key.group(1) if key else '', rest, known)}"
+    if found := re.match(r"Could not override '(.+?)'\. No match in the defaults list", text):
+        return f"{found.group(1)} is not chosen by default: write +{found.group(1)}=NAME."
+    if found := re.match(r"Could not append to config. An item is already at '(.+?)'", text):
+        return f"{found.group(1)} has a value already: write {found.group(1)}=VALUE, without the plus."
+    if found := re.match(r"Multiple values for (\S+)\.", text):
+        return f"{found.group(1)} is chosen already: write {found.group(1)}=NAME, without the plus."
+    if found := re.match(r"Ambiguous value for argument '(.+?)'", text):
+        return f"{found.group(1)!r} lists several values: add -m to make a run of each, or put quotes around it."
+    return f"{one_line(error).rstrip('.')}."
+
+
+def _setting(error: OmegaConfBaseException, key: str, text: str, known: Callable[[], Iterable[str]]) -> str:
+    """The sentence for a setting with a wrong name or value."""
+    if isinstance(error, ConfigAttributeError | ConfigKeyError):
+        guess = near(key, known())
+        return f"Unknown setting {key!r}.{guess or ' python -m hopdiff --help lists the settings.'}"
+    if found := re.search(r"Interpolation key '(.+?)' not found", text):
+        return f"The setting {found.group(1)!r} is needed and missing."
+    if isinstance(error, InterpolationResolutionError):
+        return f"{key}: {one_line(error)}."
+    if found := re.search(r"Value '(.*)' of type '.*' could not be converted to (\w+)", text):
+        return f"{key} must be {_KINDS.get(found.group(2), found.group(2))}, not {found.group(1)!r}."
+    if "is not Optional" in text:
+        return f"{key} needs a value, not null."
+    if "Missing mandatory value" in text:
+        return f"{key} needs a value."
+    return f"{key}: {text.strip().splitlines()[0].rstrip('.')}."
+
+
+def _raised_abroad(error: BaseException) -> bool:
+    """Whether an error was raised by a library that reads settings, so that only the settings can be at fault."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return bool(frames) and any(part in frames[-1].filename.replace("\\", "/") for part in _FOREIGN)

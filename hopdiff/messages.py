@@ -1,0 +1,33 @@
+"""How mistakes are put into words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+from hopdiff.types import HopdiffError
+
+
+def one_line(error: BaseException) -> str:
+    """The first line of an exception's text."""
+    text = str(error).strip() or type(error).__name__
+    return text.splitlines()[0]
+
+
+def near(name: str, choices: Iterable[str]) -> str:
+    """' Did you mean ...?' if one of the choices resembles the name, else nothing."""
+    match = get_close_matches(name, list(choices), n=1, cutoff=0.6)
+    return f" Did you mean {match[0]!r}?" if match else ""
+
+
+def unknown(what: str, name: str, choices: Iterable[str]) -> str:
+    """The sentence for a name that is none of the choices."""
+    known = sorted(choices)
+    return f"Unknown {what} {name!r}: choose one of {', '.join(known)}.{near(name, known)}"
+
+
+def choose(what: str, name: str, choices: Iterable[str]) -> str:
+    """The name, if it is one of the choices. Raises HopdiffError otherwise."""
+    if name not in (known := list(choices)):
+        raise HopdiffError(unknown(what, name, known))
+    return name

@@ -1,0 +1,92 @@
+"""What a task works on, and what comes out of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from hopdiff.genes import GeneTable
+from hopdiff.geometry.clip import Clip
+from hopdiff.motion import Motion
+from hopdiff.problem import RunProblem
+from hopdiff.search.base import Search
+from hopdiff.search.loop import Budget, HistoryRow, OnStep, SearchResult, run_search
+
+
+@dataclass(frozen=True)
+class Job:
+    """Everything a run is made from, built and checked.
+
+    fps: wanted frames a second. settings: the whole resolved configuration as plain data.
+    saved: the part of it that belongs into the genes file, so that a replay needs nothing else.
+    """
+
+    problem: RunProblem
+    table: GeneTable
+    search: Search
+    budget: Budget
+    seed: int
+    fps: float
+    settings: dict[str, Any]
+    saved: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that was found or replayed.
+
+    genes: value by name, in the units of the gene table. metrics: what metrics.json holds, SI units.
+    history: one row a step of the search, none for a replay. interrupted: whether the user broke the search off.
+    """
+
+    motion: Motion
+    genes: dict[str, float]
+    metrics: dict[str, Any]
+    history: list[HistoryRow] = field(default_factory=list)
+    interrupted: bool = False
+
+    @property
+    def clip(self) -> Clip:
+        return self.motion.clip
+
+
+def search_run(job: Job, on_step: OnStep | None = None) -> Run:
+    """Search for the best run and make it.
+
+    on_step: called after every step of the search. Raises HopdiffError if no valid candidate turned up.
+    """
+    generator = torch.Generator().manual_seed(job.seed)
+    result = run_search(job.problem, job.search, job.budget, generator, on_step)
+    return make_run(job, result.best_genes, result)
+
+
+def make_run(job: Job, genes: Tensor, result: SearchResult | None = None) -> Run:
+    """Make the run of one candidate. genes: (G,) in the unit box; result: the search that found it, if any."""
+    motion = job.problem.motion(genes, job.fps)
+    values = job.table.to_physical(genes).tolist()
+    return Run(
+        motion=motion,
+        genes=dict(zip(job.table.names, values, strict=True)),
+        metrics={**job.problem.metrics(genes), **_provenance(job, motion, result)},
+        history=result.history if result else [],
+        interrupted=result.interrupted if result else False,
+    )
+
+
+def _provenance(job: Job, motion: Motion, result: SearchResult | None) -> dict[str, Any]:
+    """The part of the metrics that says how the run was come by."""
+    return {
+        "evaluations": result.evaluations if result else 0,
+        "gradient_evaluations": result.gradient_evaluations if result else 0,
+        "invalid_fraction": result.invalid_fraction if result else 0.0,
+        "wall_seconds": result.seconds if result else 0.0,
+        "search": job.search.name if result else "none",
+        "model": job.settings["model"]["name"],
+        "character": job.settings["character"]["name"],
+        "seed": job.seed,
+        "frames": motion.clip.frames,
+        "frame_time": motion.clip.frame_time,
+    }

@@ -1,0 +1,95 @@
+"""Writing a finished run into its folder, and telling the user about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+from omegaconf import OmegaConf
+
+from hopdiff.io.bvh import write_bvh
+from hopdiff.io.events import write_events
+from hopdiff.io.files import write_whole
+from hopdiff.io.genes_file import write_genes
+from hopdiff.io.record import git_state, versions, write_json, write_table
+from hopdiff.plots.angles import angles_figure
+from hopdiff.plots.animation import write_gif
+from hopdiff.plots.com_track import com_track_figure
+from hopdiff.plots.convergence import convergence_figure
+from hopdiff.plots.save import save_figure
+from hopdiff.plots.strip import strip_figure
+from hopdiff.search.loop import HistoryRow
+from hopdiff.tasks.job import Job, Run
+
+# What a row of the HParams table is told apart by.
+HPARAMS = ("speed", "beta", "seed", "dtype")
+
+
+def write_run(folder: Path, job: Job, run: Run, command: list[str]) -> None:
+    """Write everything a run leaves behind. command: the overrides typed by the user.
+
+    Raises HopdiffError if a file cannot be written.
+    """
+    write_bvh(folder / "motion.bvh", run.clip)
+    write_bvh(folder / "motion_in_place.bvh", run.clip.in_place())
+    write_genes(folder / "genes.json", job.saved, run.genes, job.table.units)
+    write_json(folder / "metrics.json", run.metrics)
+    write_whole(folder / "config.yaml", OmegaConf.to_yaml(OmegaConf.create(job.settings)))
+    write_json(folder / "versions.json", versions(command))
+    write_json(folder / "git.json", git_state(Path(__file__).parent))
+    if run.history:
+        write_table(folder / "history.csv", HistoryRow._fields, run.history)
+    pictures = write_pictures(folder, run)
+    write_gif(folder / "motion.gif", run.motion)
+    write_events(
+        folder,
+        scalars=[_scalars(row) for row in run.history],
+        settings=_hparams(job),
+        metrics={name: value for name, value in run.metrics.items() if isinstance(value, float)},
+        pictures=pictures,
+    )
+
+
+def write_pictures(folder: Path, run: Run) -> dict[str, Path]:
+    """Draw a run; returns the pictures by name."""
+    figures: dict[str, Callable[[], Figure]] = {
+        "strip": lambda: strip_figure(run.motion),
+        "com_track": lambda: com_track_figure(run.motion),
+        "angles": lambda: angles_figure(run.motion),
+    }
+    if run.history:
+        figures["convergence"] = lambda: convergence_figure(run.history)
+    paths = {name: folder / f"{name}.png" for name in figures}
+    for name, draw in figures.items():
+        save_figure(draw(), paths[name])
+    return paths
+
+
+def summary(folder: Path, job: Job, run: Run) -> str:
+    """The table at the end of a run: what was asked, what was reached, where the files are."""
+    m = run.metrics
+    miss = 100.0 * (m["energy_rate"] / m["energy_target"] - 1.0) if m["energy_target"] else float("nan")
+    searched = (
+        f"{m['search']}, {m['evaluations']} evaluations, {m['gradient_evaluations']} gradients,"
+        f" {m['wall_seconds']:.1f} s, {100 * m['invalid_fraction']:.0f} % impossible"
+    )
+    rows = [
+        ("asked", f"speed {m['speed']:g} m/s, beta {m['beta']:g} (energy {m['energy_target']:.3f})"),
+        ("reached", f"energy {m['energy_rate']:.3f} ({miss:+.1f} %), cost {m['cost']:.4f}, gamma {m['gamma']:.3f}"),
+        ("", f"contact {m['contact_time']:.3f} s, flight {m['flight_time']:.3f} s, bounce {m['com_oscillation']:.3f} m"),
+        ("", f"{m['step_frequency']:.2f} steps/s of {m['step_length']:.2f} m, knee at most {m['knee_swing_max_deg']:.0f} deg"),
+        ("searched", searched if run.history else "not at all: replayed from a genes file"),
+        ("files", str(folder)),
+    ]
+    return "\n".join(f"{name:<9} {text}" for name, text in rows)
+
+
+def _scalars(row: HistoryRow) -> dict[str, float]:
+    return {f"search/{name}": float(value) for name, value in row._asdict().items() if name != "step"}
+
+
+def _hparams(job: Job) -> Mapping[str, Any]:
+    groups = {name: job.settings[name]["name"] for name in ("model", "search", "character", "costs", "genes")}
+    return {**{name: job.settings[name] for name in HPARAMS}, **groups, "evaluations": job.budget.evaluations}
