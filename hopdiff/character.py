@@ -1,0 +1,292 @@
+# No `from __future__ import annotations`: Hydra reads the types of the settings classes.
+"""The body: joint tree, segment masses, and how motion channels turn into joint rotations.
+
+A character is data (`conf/character/*.yaml`): lengths in body heights, masses in body masses. The physics needs
+the eleven joints of Kang (1999, figure 2.1): pelvis (root), waist, neck, and left and right shoulder, elbow, hip
+and knee. In the rest pose the body stands straight with hanging arms, faces +z, and has its left side at +x.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Optional
+
+import torch
+from torch import Tensor
+
+from hopdiff.geometry.rotation import axis_rotation
+from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.types import HopdiffError
+
+REQUIRED_PARENTS = {
+    "pelvis": None,
+    "waist": "pelvis",
+    "neck": "waist",
+    "left_shoulder": "waist",
+    "right_shoulder": "waist",
+    "left_elbow": "left_shoulder",
+    "right_elbow": "right_shoulder",
+    "left_hip": "pelvis",
+    "right_hip": "pelvis",
+    "left_knee": "left_hip",
+    "right_knee": "right_hip",
+}
+
+LIMITED = ("hip", "knee", "shoulder", "elbow", "waist", "neck")
+
+
+@dataclass
+class SegmentSettings:
+    """The body part that moves with a joint.
+
+    mass: share of the body mass. com: centre of mass in the joint's frame [body heights].
+    gyration: radii of gyration about the centre of mass for the left (x), up (y) and forward (z) axes [body heights].
+    """
+
+    mass: float = 0.0
+    com: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    gyration: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+
+
+@dataclass
+class JointSettings:
+    """One joint. offset: position in the parent's frame [body heights]; end: end point if it has no children."""
+
+    parent: Optional[str] = None
+    offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    end: Optional[list[float]] = None
+    segment: SegmentSettings = field(default_factory=SegmentSettings)
+
+
+@dataclass
+class CharacterSettings:
+    """A body. height [m], mass [kg]; joint_limits_deg: flexion range (low, high) by joint kind."""
+
+    name: str = "human"
+    source: str = ""
+    height: float = 1.75
+    mass: float = 70.0
+    joints: dict[str, JointSettings] = field(default_factory=dict)
+    joint_limits_deg: dict[str, list[float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Character:
+    """A body in SI units, ready for physics.
+
+    masses: (J,) [kg]. coms: (J, 3) segment centres of mass in their joint's frame [m].
+    inertias: (J, 3) moment of inertia of everything that hangs on a joint, body straight, about the joint's
+    left, up and forward axes [kg m^2]. limits: flexion range by joint kind [rad].
+    """
+
+    name: str
+    height: float
+    mass: float
+    skeleton: Skeleton
+    masses: Tensor
+    coms: Tensor
+    inertias: Tensor
+    limits: dict[str, tuple[float, float]]
+    thigh: float
+    shank: float
+    hip_half_width: float
+
+    @property
+    def leg_length(self) -> float:
+        """Length of the straight leg from hip joint to contact point [m]."""
+        return self.thigh + self.shank
+
+    @classmethod
+    def build(
+        cls, settings: Any, dtype: torch.dtype = torch.float64, device: torch.device | str = "cpu"
+    ) -> "Character":
+        """Check the settings (a `CharacterSettings` or its config) and turn them into tensors.
+
+        Raises HopdiffError, naming the joint, for a missing or unknown joint, a cycle or two roots in the tree, a
+        mass or length that is not positive, masses that do not add up, or a vector without three finite numbers.
+        """
+        where = f"character {settings.name!r}"
+        if not _positive(settings.height):
+            raise HopdiffError(f"{where}: height must be a positive number of metres, not {settings.height}.")
+        if not _positive(settings.mass):
+            raise HopdiffError(f"{where}: mass must be a positive number of kilograms, not {settings.mass}.")
+        joints = dict(settings.joints)
+        order = _tree_order(joints, where)
+        for name, parent in REQUIRED_PARENTS.items():
+            if name not in joints:
+                raise HopdiffError(f"{where}: the joint {name!r} is missing.")
+            if joints[name].parent != parent:
+                raise HopdiffError(f"{where}: joint {name!r} must have the parent {parent!r}.")
+        extra = [name for name in joints if name not in REQUIRED_PARENTS]
+        if extra:
+            raise HopdiffError(f"{where}: unknown joint {extra[0]!r}; known are {', '.join(REQUIRED_PARENTS)}.")
+
+        scale = float(settings.height)
+        offsets = torch.tensor([_vector(joints[n].offset, f"{where}, {n}.offset") for n in order], dtype=torch.float64)
+        coms = torch.tensor([_vector(joints[n].segment.com, f"{where}, {n}.segment.com") for n in order]).double()
+        gyration = torch.tensor(
+            [_vector(joints[n].segment.gyration, f"{where}, {n}.segment.gyration") for n in order]
+        ).double()
+        shares = []
+        for name in order:
+            share = joints[name].segment.mass
+            if not (isinstance(share, int | float) and math.isfinite(share) and share > 0):
+                raise HopdiffError(f"{where}: the mass of {name!r} must be a positive share of the body, not {share}.")
+            shares.append(float(share))
+        if abs(sum(shares) - 1.0) > 0.01:
+            raise HopdiffError(f"{where}: the segment masses must add up to 1, not {sum(shares):.4g}.")
+        ends = {}
+        for name in order:
+            has_child = any(joints[other].parent == name for other in order)
+            if not has_child:
+                if joints[name].end is None:
+                    raise HopdiffError(f"{where}: joint {name!r} has no children and needs an `end` point.")
+                ends[name] = torch.tensor(_vector(joints[name].end, f"{where}, {name}.end")).double() * scale
+        parents = tuple(-1 if joints[n].parent is None else order.index(joints[n].parent) for n in order)
+        offsets, coms, gyration = offsets * scale, coms * scale, gyration * scale
+        masses = torch.tensor(shares, dtype=torch.float64) / sum(shares) * float(settings.mass)
+        skeleton = Skeleton(tuple(order), parents, offsets, ends)
+
+        thigh = float(offsets[order.index("left_knee")].norm())
+        shank = float(ends["left_knee"].norm())
+        half_width = float(offsets[order.index("left_hip")][0])
+        for name, value in (("thigh (left_knee.offset)", thigh), ("shank (left_knee.end)", shank)):
+            if value <= 0:
+                raise HopdiffError(f"{where}: the {name} must have a positive length.")
+        if half_width <= 0:
+            raise HopdiffError(f"{where}: left_hip.offset must point to the left (+x).")
+        for joint in ("hip", "knee", "shoulder", "elbow"):
+            left, right = offsets[order.index(f"left_{joint}")], offsets[order.index(f"right_{joint}")]
+            if not torch.allclose(left * torch.tensor([-1.0, 1.0, 1.0]), right, atol=1e-9):
+                raise HopdiffError(f"{where}: left_{joint} and right_{joint} must mirror each other.")
+        limits = _limits(settings.joint_limits_deg, where)
+        tensors = (masses, coms, _distal_inertia(skeleton, masses, coms, gyration))
+        return cls(
+            settings.name,
+            scale,
+            float(settings.mass),
+            Skeleton(skeleton.names, parents, offsets.to(device, dtype), {k: v.to(device, dtype) for k, v in ends.items()}),
+            *(t.to(device, dtype) for t in tensors),
+            limits,
+            thigh,
+            shank,
+            half_width,
+        )
+
+    def rotations(self, channels: dict[str, Tensor]) -> Tensor:
+        """Joint rotations (..., J, 3, 3) from motion channels (...) [rad].
+
+        Midline channels: pelvis_tilt (forward), pelvis_roll (to the right), pelvis_yaw (to the left), the attitude
+        of the pelvis in the world; trunk_lean (forward), trunk_side (right), trunk_yaw (left), the attitude of the
+        trunk in the world; neck_flex, neck_side, relative to the trunk with its yaw undone.
+        Per side: left_thigh and right_thigh (attitude of the thigh from the vertical, forward positive), *_tilt
+        (foot to the left), *_knee; *_shoulder (forward), *_abduction (outward), *_inward (turn of the upper arm
+        about its own axis, forearm to the inside), *_elbow.
+        """
+        pelvis = (
+            axis_rotation("Y", channels["pelvis_yaw"])
+            @ axis_rotation("Z", channels["pelvis_roll"])
+            @ axis_rotation("X", channels["pelvis_tilt"])
+        )
+        trunk = (
+            axis_rotation("Y", channels["trunk_yaw"])
+            @ axis_rotation("Z", channels["trunk_side"])
+            @ axis_rotation("X", channels["trunk_lean"])
+        )
+        to_pelvis = pelvis.transpose(-1, -2)
+        parts = {
+            "pelvis": pelvis,
+            "waist": to_pelvis @ trunk,
+            "neck": axis_rotation("Y", -channels["trunk_yaw"])
+            @ axis_rotation("Z", channels["neck_side"])
+            @ axis_rotation("X", channels["neck_flex"]),
+        }
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            parts[f"{side}_shoulder"] = (
+                axis_rotation("Z", sign * channels[f"{side}_abduction"])
+                @ axis_rotation("X", -channels[f"{side}_shoulder"])
+                @ axis_rotation("Y", -sign * channels[f"{side}_inward"])
+            )
+            parts[f"{side}_elbow"] = axis_rotation("X", -channels[f"{side}_elbow"])
+            parts[f"{side}_hip"] = (
+                to_pelvis @ axis_rotation("Z", channels[f"{side}_tilt"]) @ axis_rotation("X", -channels[f"{side}_thigh"])
+            )
+            parts[f"{side}_knee"] = axis_rotation("X", channels[f"{side}_knee"])
+        return torch.stack([parts[name] for name in self.skeleton.names], dim=-3)
+
+    def centre_of_mass(self, positions: Tensor, orientations: Tensor) -> Tensor:
+        """(..., 3) centre of mass [m], Kang (1999) equation (8), from what forward kinematics gave."""
+        centres = positions + (orientations @ self.coms.to(orientations).unsqueeze(-1)).squeeze(-1)
+        return (centres * (self.masses / self.mass).unsqueeze(-1)).sum(-2)
+
+
+def _positive(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value) and value > 0
+
+
+def _vector(value: Any, where: str) -> list[float]:
+    numbers = list(value) if value is not None else []
+    if len(numbers) != 3 or not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):
+        raise HopdiffError(f"{where} must be three finite numbers, not {numbers}.")
+    return [float(x) for x in numbers]
+
+
+def _tree_order(joints: dict[str, Any], where: str) -> list[str]:
+    """Joint names, parents before children."""
+    roots = [name for name, joint in joints.items() if joint.parent is None]
+    for name, joint in joints.items():
+        if joint.parent is not None and joint.parent not in joints:
+            raise HopdiffError(f"{where}: the parent {joint.parent!r} of joint {name!r} is missing.")
+    for name in joints:
+        seen, current = {name}, joints[name].parent
+        while current is not None:
+            if current in seen:
+                raise HopdiffError(f"{where}: the joint tree has a cycle through {current!r}.")
+            seen.add(current)
+            current = joints[current].parent
+    if len(roots) > 1:
+        raise HopdiffError(f"{where}: {roots[1]!r} is a second root besides {roots[0]!r}.")
+    order: list[str] = []
+
+    def visit(name: str) -> None:
+        order.append(name)
+        for child, joint in joints.items():
+            if joint.parent == name:
+                visit(child)
+
+    for root in roots:
+        visit(root)
+    return order
+
+
+def _limits(degrees: Any, where: str) -> dict[str, tuple[float, float]]:
+    limits = {}
+    for kind in LIMITED:
+        if kind not in degrees:
+            raise HopdiffError(f"{where}: joint_limits_deg lacks {kind!r}.")
+        low, high = (float(x) for x in degrees[kind])
+        if not low < high:
+            raise HopdiffError(f"{where}: joint_limits_deg.{kind} must be [low, high] with low < high.")
+        limits[kind] = (math.radians(low), math.radians(high))
+    return limits
+
+
+def _distal_inertia(skeleton: Skeleton, masses: Tensor, coms: Tensor, gyration: Tensor) -> Tensor:
+    """(J, 3) moment of inertia about each joint's axes of all segments beyond it, body straight."""
+    identity = torch.eye(3, dtype=torch.float64).expand(len(skeleton.names), 3, 3)
+    positions, _ = skeleton.forward(torch.zeros(3, dtype=torch.float64), identity)
+    own = masses.unsqueeze(-1) * gyration**2
+    inertia = torch.zeros(len(skeleton.names), 3, dtype=torch.float64)
+    for joint in range(len(skeleton.names)):
+        for distal in range(joint, len(skeleton.names)):
+            if _hangs_on(skeleton, distal, joint):
+                arm = positions[distal] + coms[distal] - positions[joint]
+                inertia[joint] += own[distal] + masses[distal] * (arm @ arm - arm**2)
+    return inertia
+
+
+def _hangs_on(skeleton: Skeleton, joint: int, ancestor: int) -> bool:
+    while joint != -1:
+        if joint == ancestor:
+            return True
+        joint = skeleton.parents[joint]
+    return False

@@ -1,0 +1,223 @@
+# No `from __future__ import annotations`: Hydra reads the types of the settings classes.
+"""What a run is judged by: the terms of the objective and the constraints, one function each.
+
+`eval`, connectivity gamma and energy rate E_r follow Kang (1999), equations (12) to (14). Constraints are defined
+once, as signed excesses: a population search drops a candidate with a positive one, a gradient sees the smooth
+penalty that starts a little before.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from hopdiff.character import Character
+from hopdiff.models.trajectory import JOINT_CHANNELS, Trajectory
+from hopdiff.numerics import GRAVITY, safe_sqrt
+from hopdiff.types import Status
+
+ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
+ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
+
+
+@dataclass
+class StyleSettings:
+    """How a run departs from ordinary running as the energy target grows.
+
+    Each quantity q of the run is asked to be q_ordinary * (target / ordinary target) ** exponent.
+    """
+
+    weight: float = 0.3
+    contact_time: float = -0.06
+    flight_time: float = 0.12
+    arm_swing: float = 0.22
+
+
+@dataclass
+class LimitSettings:
+    """Constraints. A candidate that breaks one is not a possible run."""
+
+    leg_force_bw: float = 5.5
+    knee_stance_deg: float = 90.0
+    reach: float = 0.995
+    foot_below_ground_mm: float = 0.5
+    flight_time_s: float = 0.02
+    sway_stiffness: float = 0.05
+    penalty: float = 2.0
+    margin: float = 0.02
+
+
+@dataclass
+class CostSettings:
+    """gamma: form of the connectivity, "smooth" (bounded, differentiable) or "ratio" (as printed, guarded).
+
+    The other numbers are weights; `energy_match` and `leg_force` and `ordinary` come on top of eval.
+    """
+
+    name: str = "default"
+    gamma: str = "smooth"
+    gamma_guard: float = 1.0
+    energy_match: float = 20.0
+    leg_force: float = 0.02
+    ordinary: float = 0.05
+    style: StyleSettings = field(default_factory=StyleSettings)
+    limits: LimitSettings = field(default_factory=LimitSettings)
+
+
+class Ordinary(NamedTuple):
+    """What everyday running of one body at one speed measures; calibrates energy and style."""
+
+    energy_unit: float
+    contact_time: float
+    flight_time: float
+    arm_swing: float
+
+
+def connectivity(trajectory: Trajectory, form: str, guard: float) -> Tensor:
+    """gamma (P,), equation (12): how badly flight continues the joint rates of stance; 0 is perfect.
+
+    form "smooth": sum of (a - b)^2 / (a^2 + b^2 + guard^2), at most 2 a joint. form "ratio": sum of
+    (max / min - 1)^2 as printed, where the smaller magnitude is kept away from zero by `guard` [rad/s] and a
+    change of sign counts with the distance between the rates.
+    """
+    a, b = trajectory.rates_after, trajectory.rates_before
+    gap = (a - b) ** 2
+    if form == "smooth":
+        return (gap / (a**2 + b**2 + guard**2)).sum(-1)
+    # max/min - 1 = |a - b| / min for rates of one sign.
+    smaller = torch.minimum(a**2, b**2)
+    return (gap / (smaller + guard**2)).sum(-1)
+
+
+def joint_effort(trajectory: Trajectory, character: Character) -> Tensor:
+    """Integral of I theta''^2 over the step for every joint channel (P, C) [kg m^2 rad^2 / s^3]."""
+    index = character.skeleton.index
+    inertia = torch.stack([character.inertias[index(joint), axis] for _, joint, axis in JOINT_CHANNELS])
+    return torch.einsum("pm,pmc,c->pc", trajectory.weights, trajectory.accelerations**2, inertia)
+
+
+def energy_rate_raw(trajectory: Trajectory, character: Character) -> Tensor:
+    """E_r (P,), equation (12), as an integral over time per distance, made dimensionless.
+
+    The joint term is scaled by sqrt(l / g), the torque of gravity tau = m g |delta| by sqrt(g / l), and the sum by
+    the body's weight, so that bodies of different size and any sampling in time compare.
+    """
+    pace = math.sqrt(character.leg_length / GRAVITY)
+    weight = character.mass * GRAVITY
+    torque = weight * safe_sqrt((trajectory.balance_error**2).sum(-1))
+    work = joint_effort(trajectory, character).sum(-1) * pace + (torque * trajectory.weights).sum(-1) / pace
+    return work / (weight * step_length(trajectory))
+
+
+def evaluation(gamma: Tensor, energy: Tensor, beta: float) -> Tensor:
+    """eval (P,) in [0, 1), equation (14), for the scaled energy rate."""
+    miss = (energy_target(beta) - energy) ** 2
+    return 1.0 - 0.5 / (1.0 + gamma) - 0.5 / (1.0 + miss)
+
+
+def energy_target(beta: float) -> float:
+    """Scaled energy rate that a briskness asks for, beta / (1 - beta)."""
+    return beta / (1.0 - beta)
+
+
+def energy_mismatch(energy: Tensor, beta: float) -> Tensor:
+    """Squared relative distance from the energy target (P,); below beta 0.2 relative to the ordinary target."""
+    target = energy_target(beta)
+    return ((energy - target) / max(target, ORDINARY_TARGET)) ** 2
+
+
+def leg_effort(trajectory: Trajectory) -> Tensor:
+    """Mean square of the leg force over the step in body weights, less the 1 of standing still (P,)."""
+    return (trajectory.leg_force**2 * trajectory.weights).sum(-1) / step_time(trajectory) - 1.0
+
+
+def arm_swing(trajectory: Trajectory) -> Tensor:
+    """Root mean square swing of both shoulders about their mean (P,) [rad]."""
+    names = [name for name, _, _ in JOINT_CHANNELS]
+    arms = trajectory.angles[..., [names.index("left_shoulder"), names.index("right_shoulder")]]
+    share = (trajectory.weights / (2.0 * step_time(trajectory).unsqueeze(-1))).unsqueeze(-1)
+    mean = (arms * share).sum((1, 2), keepdim=True)
+    return safe_sqrt(((arms - mean) ** 2 * share).sum((1, 2)))
+
+
+def style_mismatch(trajectory: Trajectory, ordinary: Ordinary, style: StyleSettings, beta: float) -> Tensor:
+    """Squared logarithmic distance of contact time, flight time and arm swing from what the briskness asks (P,)."""
+    growth = math.log(max(energy_target(beta), 0.1 * ORDINARY_TARGET) / ORDINARY_TARGET)
+    total = torch.zeros_like(trajectory.speed)
+    for value, usual, exponent in (
+        (trajectory.contact_time, ordinary.contact_time, style.contact_time),
+        (trajectory.flight_time, ordinary.flight_time, style.flight_time),
+        (arm_swing(trajectory), ordinary.arm_swing, style.arm_swing),
+    ):
+        total = total + (torch.log(value.clamp_min(1e-4) / usual) - exponent * growth) ** 2
+    return total
+
+
+def step_time(trajectory: Trajectory) -> Tensor:
+    return trajectory.contact_time + trajectory.flight_time
+
+
+def step_length(trajectory: Trajectory) -> Tensor:
+    return trajectory.speed * step_time(trajectory)
+
+
+def excesses(trajectory: Trajectory, character: Character, limits: LimitSettings) -> dict[Status, Tensor]:
+    """How far each constraint is broken (P,), in units in which 1 is gross; negative inside."""
+    columns = {name: i for i, (name, _, _) in enumerate(JOINT_CHANNELS)}
+    used = trajectory.weights > 0
+
+    def largest(values: Tensor) -> Tensor:
+        return values.masked_fill(~used, -torch.inf).amax(-1)
+
+    standing = trajectory.leg_force > 0
+    knee = trajectory.angles[..., columns["left_knee"]]
+    stance_knee = knee.masked_fill(~(standing & used), 0.0).amax(-1)
+    joints = []
+    for kind, channel_names in (
+        ("knee", ("left_knee", "right_knee")),
+        ("shoulder", ("left_shoulder", "right_shoulder")),
+        ("elbow", ("left_elbow", "right_elbow")),
+        ("neck", ("neck_flex",)),
+    ):
+        low, high = character.limits[kind]
+        for name in channel_names:
+            values = trajectory.angles[..., columns[name]]
+            joints += [largest(values - high), largest(low - values)]
+    for side in ("left", "right"):
+        # The pelvis tips forward under the trunk, which folds the hip by as much.
+        values = trajectory.angles[..., columns[f"{side}_thigh"]] + trajectory.pelvis_tilt.unsqueeze(-1)
+        low, high = character.limits["hip"]
+        joints += [largest(values - high), largest(low - values)]
+    waist = trajectory.angles[..., columns["trunk_lean"]] - trajectory.pelvis_tilt.unsqueeze(-1)
+    low, high = character.limits["waist"]
+    joints += [largest(waist - high), largest(low - waist)]
+    lowest = -largest(-trajectory.foot_height.amin(-1))
+    tolerance = 1e-3 * limits.foot_below_ground_mm
+    return {
+        Status.LEG_OVERREACH: (trajectory.reach - limits.reach) / 0.05,
+        Status.LEG_COLLAPSED: (stance_knee - math.radians(limits.knee_stance_deg)) / 0.5,
+        Status.LEG_FORCE: (largest(trajectory.leg_force) - limits.leg_force_bw) / 2.0,
+        Status.FOOT_UNDERGROUND: (-lowest - tolerance) / (0.05 * character.leg_length),
+        Status.JOINT_LIMIT: torch.stack(joints).amax(0) / 0.5,
+        Status.BALANCE_UNSTABLE: (limits.sway_stiffness - trajectory.sway_stiffness) / 0.1,
+        Status.NO_FLIGHT: (limits.flight_time_s - trajectory.flight_time) / 0.02,
+    }
+
+
+def penalty(excess: dict[Status, Tensor], limits: LimitSettings) -> Tensor:
+    """Smooth penalty (P,) that starts `margin` inside every constraint."""
+    stacked = torch.stack(list(excess.values()))
+    return limits.penalty * (torch.relu(stacked + limits.margin) ** 2).sum(0)
+
+
+def status_of(excess: dict[Status, Tensor], solved: Tensor) -> Tensor:
+    """(P,) int64 status: the constraint that is broken worst, STANCE_UNSOLVED first of all."""
+    kinds = list(excess)
+    stacked = torch.stack(list(excess.values()))
+    worst, which = stacked.max(0)
+    codes = torch.tensor([int(k) for k in kinds], device=worst.device)[which]
+    status = torch.where(worst > 0, codes, torch.zeros_like(codes))
+    status = torch.where(torch.isfinite(stacked).all(0), status, torch.full_like(status, int(Status.NOT_FINITE)))
+    return torch.where(solved, status, torch.full_like(status, int(Status.STANCE_UNSOLVED)))

@@ -1,0 +1,42 @@
+"""What every motion model offers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from torch import Tensor
+
+from hopdiff.character import Character
+from hopdiff.models.trajectory import Trajectory
+from hopdiff.motion import Motion
+
+
+@dataclass
+class ModelSettings:
+    """name: "smooth" or "thesis". nodes, sweeps: of the smooth model. step, strides: of the thesis model.
+
+    nodes: Chebyshev nodes per phase. sweeps: corrections of the balance with the true body.
+    step: frame interval h of the stepping equations [s]. strides: how many are run before the one that is kept.
+    """
+
+    name: str = "smooth"
+    nodes: int = 12
+    sweeps: int = 2
+    step: float = 0.005
+    strides: int = 1
+
+
+class Model(Protocol):
+    """Genes (name -> (P,) in SI units and rad) and speed (P,) [m/s] to motion."""
+
+    @property
+    def character(self) -> Character: ...
+
+    def trajectory(self, genes: dict[str, Tensor], speed: Tensor) -> Trajectory:
+        """One step of every candidate, for the costs."""
+        ...
+
+    def motion(self, genes: dict[str, Tensor], speed: Tensor, fps: float) -> Motion:
+        """One stride of a single candidate (P = 1)."""
+        ...

@@ -1,0 +1,227 @@
+"""Two legs on the hopper: where each leg is over a whole stride.
+
+Kang (1999), section 3.2. One leg is followed from its touchdown through four phases of a symmetric run:
+stance, flight, swing (the other leg stands), flight. The other leg does the same half a stride later.
+A leg pose is (angle, knee, tilt): the angle of the hip-to-foot line from the vertical in the sagittal plane
+(forward positive), knee flexion, and the sideways tilt of the leg plane (foot to the left positive) [rad].
+
+The stance pose follows from geometry (foot pinned, hip carried by the hopper). Through the air the pose runs on
+smooth curves that leave and meet the stance with its own rates, so that the foot is at rest on the ground at
+take-off and at touchdown.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from hopdiff.numerics import differentiation_matrix, hermite, safe_acos, safe_sqrt, smooth_max
+
+FLIGHT_ROOM = 0.8  # share of the way to the straight knee that follow-through may use
+STRAIGHTEST_KNEE = 0.06  # rad, the knee never comes closer to straight than this in the air
+
+
+class LegPose(NamedTuple):
+    angle: Tensor
+    knee: Tensor
+    tilt: Tensor
+
+
+class SwingGenes(NamedTuple):
+    """What is free in the path of the active leg (P,), angles in rad.
+
+    alpha: time of the most forward leg angle as a share of the flight before touchdown (Kang 1999, eq. 6).
+    angle_start: leg angle when the other foot touches down. knee_start, knee_middle: knee flexion when
+    the other foot touches down and half-way through its stance. clearance_end: height of the foot above the ground
+    when the other foot takes off [m].
+    """
+
+    alpha: Tensor
+    angle_start: Tensor
+    knee_start: Tensor
+    knee_middle: Tensor
+    clearance_end: Tensor
+
+
+def leg_pose(left: Tensor, up: Tensor, forward: Tensor, thigh: float, shank: float) -> tuple[LegPose, Tensor]:
+    """Pose of a two-segment leg that reaches from hip to foot, knee forward.
+
+    left, up, forward: (...) the foot relative to the hip joint [m]. Returns the pose and the reach: distance over
+    the length of the straight leg (above 1 the knee is set straight).
+    """
+    across = left**2 + up**2
+    square = across + forward**2
+    knee = safe_acos((square - thigh**2 - shank**2) / (2.0 * thigh * shank))
+    pose = LegPose(torch.atan2(forward, safe_sqrt(across)), knee, torch.atan2(left, -up))
+    return pose, safe_sqrt(square) / (thigh + shank)
+
+
+def knee_offset(knee: Tensor, thigh: float, shank: float) -> Tensor:
+    """Angle between thigh and hip-to-foot line for a knee flexion [rad]."""
+    return torch.atan2(shank * torch.sin(knee), thigh + shank * torch.cos(knee))
+
+
+def leg_reach(knee: Tensor, thigh: float, shank: float) -> Tensor:
+    """Distance from hip to foot for a knee flexion [m]."""
+    return safe_sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * torch.cos(knee))
+
+
+def end_rates(values: Tensor, duration: Tensor) -> tuple[Tensor, Tensor]:
+    """Rates at both ends of a phase from values (P, N) on its Chebyshev nodes; duration (P,) [s]."""
+    n = values.shape[-1]
+    d = differentiation_matrix(n, values.dtype, values.device)
+    return values @ d[0] / duration, values @ d[-1] / duration
+
+
+class Swing(NamedTuple):
+    """The leg through the air, from its take-off to its next touchdown; every curve is analytic in time.
+
+    contact, flight: phase durations (P,) [s]. The remaining fields are coefficients of the curves (P,).
+    """
+
+    contact: Tensor
+    flight: Tensor
+    start: LegPose
+    start_rate: LegPose
+    end: LegPose
+    end_rate: LegPose
+    angle_start: Tensor
+    angle_start_rate: Tensor
+    angle_end: Tensor
+    angle_end_rate: Tensor
+    knees: tuple[Tensor, ...]
+    knee_rates: tuple[Tensor, ...]
+    follow_power: Tensor
+    reach_power: Tensor
+
+    def first_flight(self, x: Tensor) -> LegPose:
+        """Pose at shares x (P, M) of the flight after take-off."""
+        c = _Column(self)
+        angle = hermite(x, c.start.angle, c.angle_start, c.start_rate.angle, c.angle_start_rate, c.flight)
+        knee = hermite(x, c.knees[0], c.knees[1], c.knee_rates[0], c.knee_rates[1], c.flight)
+        knee = knee + _transient(x, c.start_rate.knee, c.flight, c.follow_power)
+        return LegPose(angle, knee, self._tilt(c, x * c.flight))
+
+    def swing(self, x: Tensor) -> LegPose:
+        """Pose at shares x (P, M) of the other leg's stance."""
+        c = _Column(self)
+        angle = hermite(x, c.angle_start, c.angle_end, c.angle_start_rate, c.angle_end_rate, c.contact)
+        half = 0.5 * c.contact
+        early = hermite((2.0 * x).clamp(max=1.0), c.knees[1], c.knees[2], c.knee_rates[1], c.knee_rates[2], half)
+        late = hermite((2.0 * x - 1.0).clamp(min=0.0), c.knees[2], c.knees[3], c.knee_rates[2], c.knee_rates[3], half)
+        return LegPose(angle, torch.where(x < 0.5, early, late), self._tilt(c, c.flight + x * c.contact))
+
+    def last_flight(self, x: Tensor) -> LegPose:
+        """Pose at shares x (P, M) of the flight before touchdown."""
+        c = _Column(self)
+        # Equation (6) of Kang (1999): a parabola in time whose extremum lies at alpha T.
+        angle = hermite(x, c.angle_end, c.end.angle, c.angle_end_rate, c.end_rate.angle, c.flight)
+        knee = hermite(x, c.knees[3], c.knees[4], c.knee_rates[3], c.knee_rates[4], c.flight)
+        knee = knee + _transient(1.0 - x, -c.end_rate.knee, c.flight, c.reach_power)
+        return LegPose(angle, knee, self._tilt(c, c.flight + c.contact + x * c.flight))
+
+    def _tilt(self, c: Swing, time: Tensor) -> Tensor:
+        whole = 2.0 * c.flight + c.contact
+        return hermite(time / whole, c.start.tilt, c.end.tilt, c.start_rate.tilt, c.end_rate.tilt, whole)
+
+
+def _Column(swing: Swing) -> Swing:  # noqa: N802 - reads as a cast
+    """The same swing with every (P,) tensor as a (P, 1) column."""
+
+    def column(x: Tensor | tuple) -> Tensor | tuple:
+        if isinstance(x, Tensor):
+            return x.unsqueeze(-1)
+        return LegPose(*map(column, x)) if isinstance(x, LegPose) else tuple(map(column, x))
+
+    return Swing(*(column(x) for x in swing))
+
+
+def _transient(x: Tensor, rate: Tensor, duration: Tensor, power: Tensor) -> Tensor:
+    """A curve that starts at zero with `rate`, swings out and fades: rate t (1 - x)^power, t = x duration."""
+    return rate * duration * x * (1.0 - x).clamp_min(1e-12) ** power
+
+
+def _fade_power(rate: Tensor, duration: Tensor, room: Tensor) -> Tensor:
+    """Power of `_transient` for which it swings out by no more than `room`.
+
+    Its extremum |rate| T m^m / (m + 1)^(m + 1) is close to |rate| T / (e (m + 1/2)).
+    """
+    wanted = rate.abs() * duration / (torch.e * room) - 0.5
+    return smooth_max(wanted, 2.5, 0.5)
+
+
+def flight_angle_start(end_angle: Tensor, end_rate: Tensor, alpha: Tensor, duration: Tensor) -> tuple[Tensor, Tensor]:
+    """Leg angle and rate at the start of the flight before touchdown.
+
+    The leg angle follows the parabola B_c of Kang (1999), equation (6): extremum at alpha T. Its end value and end
+    rate are those of touchdown, which leaves its start value and start rate. All (P,). Needs 1/2 < alpha < 1.
+    """
+    start_rate = -end_rate * alpha / (1.0 - alpha)
+    start = end_angle + 0.5 * end_rate * duration * (2.0 * alpha - 1.0) / (1.0 - alpha)
+    return start, start_rate
+
+
+def make_swing(
+    contact: Tensor,
+    flight: Tensor,
+    start: LegPose,
+    start_rate: LegPose,
+    end: LegPose,
+    end_rate: LegPose,
+    genes: SwingGenes,
+    hip_height: Tensor,
+    thigh: float,
+    shank: float,
+) -> Swing:
+    """Curves through the air between the pose at take-off (start) and at touchdown (end); all (P,).
+
+    hip_height: of the swinging leg's hip joint when the other foot takes off [m].
+    """
+    angle_end, angle_end_rate = flight_angle_start(end.angle, end_rate.angle, genes.alpha, flight)
+    reach = (hip_height - genes.clearance_end) / torch.cos(angle_end)
+    knee_end = safe_acos((reach**2 - thigh**2 - shank**2) / (2.0 * thigh * shank))
+    # The rate at the inner knot that makes the two cubics share their curvature.
+    slope_1 = (genes.angle_start - start.angle) / flight
+    slope_2 = (angle_end - genes.angle_start) / contact
+    angle_start_rate = (
+        3.0 * (contact * slope_1 + flight * slope_2) - contact * start_rate.angle - flight * angle_end_rate
+    ) / (2.0 * (contact + flight))
+    knees = (start.knee, genes.knee_start, genes.knee_middle, knee_end, end.knee)
+    return Swing(
+        contact,
+        flight,
+        start,
+        start_rate,
+        end,
+        end_rate,
+        genes.angle_start,
+        angle_start_rate,
+        angle_end,
+        angle_end_rate,
+        knees,
+        _spline_rates(knees, (flight, 0.5 * contact, 0.5 * contact, flight)),
+        _fade_power(start_rate.knee, flight, FLIGHT_ROOM * (start.knee - STRAIGHTEST_KNEE).clamp_min(0.02)),
+        _fade_power(end_rate.knee, flight, FLIGHT_ROOM * (end.knee - STRAIGHTEST_KNEE).clamp_min(0.02)),
+    )
+
+
+def _spline_rates(values: tuple[Tensor, ...], spans: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+    """Rates at five knots of the cubic spline with zero end rates (three inner unknowns, solved by elimination)."""
+    slopes = [(b - a) / h for a, b, h in zip(values[:-1], values[1:], spans, strict=True)]
+    h = spans
+    right = [3.0 * (h[i + 1] * slopes[i] + h[i] * slopes[i + 1]) for i in range(3)]
+    diagonal = [2.0 * (h[i] + h[i + 1]) for i in range(3)]
+    # Row i: h[i+1] m_i + 2 (h[i] + h[i+1]) m_(i+1) + h[i] m_(i+2) = right[i]
+    w1 = h[2] / diagonal[0]
+    diagonal[1] = diagonal[1] - w1 * h[0]
+    right[1] = right[1] - w1 * right[0]
+    w2 = h[3] / diagonal[1]
+    diagonal[2] = diagonal[2] - w2 * h[1]
+    right[2] = right[2] - w2 * right[1]
+    m3 = right[2] / diagonal[2]
+    m2 = (right[1] - h[1] * m3) / diagonal[1]
+    m1 = (right[0] - h[0] * m2) / diagonal[0]
+    zero = torch.zeros_like(m1)
+    return zero, m1, m2, m3, zero

@@ -1,0 +1,141 @@
+"""A run as an optimisation problem: genes in, motion and cost out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from hopdiff import costs
+from hopdiff.character import Character
+from hopdiff.costs import CostSettings, Ordinary
+from hopdiff.genes import GeneTable
+from hopdiff.models.base import Model
+from hopdiff.models.trajectory import Trajectory
+from hopdiff.motion import Motion
+from hopdiff.search.base import Eval
+from hopdiff.types import HopdiffError, Status
+
+
+class RunProblem:
+    """One body, one speed, one briskness. Implements `hopdiff.search.base.Problem`.
+
+    Raises HopdiffError if speed is not positive and finite, beta not in [0, 1), or the ordinary run of this body
+    at this speed is not possible (then nothing calibrates the energy unit).
+    """
+
+    def __init__(
+        self,
+        character: Character,
+        table: GeneTable,
+        model: Model,
+        settings: CostSettings,
+        speed: float,
+        beta: float,
+    ) -> None:
+        if not (math.isfinite(speed) and speed > 0):
+            raise HopdiffError(f"speed must be a positive number of m/s, not {speed}.")
+        if not (math.isfinite(beta) and 0.0 <= beta < 1.0):
+            raise HopdiffError(f"beta must be at least 0 and below 1, not {beta}.")
+        if settings.gamma not in ("smooth", "ratio"):
+            raise HopdiffError(f"costs.gamma must be smooth or ratio, not {settings.gamma!r}.")
+        self.character = character
+        self.table = table
+        self.model = model
+        self.settings = settings
+        self.speed = float(speed)
+        self.beta = float(beta)
+        self.ordinary_genes = table.to_unit(table.ordinary)
+        self.ordinary = self._measure_ordinary()
+
+    @property
+    def dimension(self) -> int:
+        return self.table.dimension
+
+    @property
+    def dtype(self) -> torch.dtype:
+        return self.table.low.dtype
+
+    @property
+    def device(self) -> torch.device:
+        return self.table.low.device
+
+    def _measure_ordinary(self) -> Ordinary:
+        with torch.no_grad():
+            trajectory = self.trajectory(self.ordinary_genes.unsqueeze(0))
+            raw = float(costs.energy_rate_raw(trajectory, self.character))
+            if not (bool(trajectory.solved) and math.isfinite(raw)):
+                raise HopdiffError(
+                    f"no ordinary run exists at speed={self.speed:g} for character {self.character.name!r};"
+                    f" Froude speed {self.froude:.2f} lies outside of what the gene table describes."
+                )
+            return Ordinary(
+                raw / costs.ORDINARY_TARGET,
+                float(trajectory.contact_time),
+                float(trajectory.flight_time),
+                float(costs.arm_swing(trajectory)),
+            )
+
+    @property
+    def froude(self) -> float:
+        """Speed over the speed sqrt(g l) of the body."""
+        return self.speed / math.sqrt(costs.GRAVITY * self.character.leg_length)
+
+    def trajectory(self, genes: Tensor) -> Trajectory:
+        """One step of every candidate; genes (P, G) in the unit box."""
+        speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
+        return self.model.trajectory(self.table.decode(genes), speed)
+
+    def price(self, genes: Tensor, trajectory: Trajectory) -> tuple[Tensor, Tensor, dict[str, Tensor], Tensor]:
+        """Cost without and with the constraint penalty (P,), its terms, and the status (P,)."""
+        s, beta = self.settings, self.beta
+        gamma = costs.connectivity(trajectory, s.gamma, s.gamma_guard)
+        raw = costs.energy_rate_raw(trajectory, self.character)
+        energy = raw / self.ordinary.energy_unit
+        terms = {
+            "eval": costs.evaluation(gamma, energy, beta),
+            "energy_match": s.energy_match * costs.energy_mismatch(energy, beta),
+            "leg_force": s.leg_force * (1.0 - beta) * costs.leg_effort(trajectory),
+            "style": s.style.weight * costs.style_mismatch(trajectory, self.ordinary, s.style, beta),
+            "ordinary": s.ordinary * ((genes - self.ordinary_genes) ** 2).mean(-1),
+        }
+        cost = torch.stack(list(terms.values())).sum(0)
+        excess = costs.excesses(trajectory, self.character, s.limits)
+        merit = cost + costs.penalty(excess, s.limits)
+        status = costs.status_of(excess, trajectory.solved)
+        finite = torch.isfinite(merit)
+        status = torch.where(finite, status, torch.full_like(status, int(Status.NOT_FINITE)))
+        terms = {"gamma": gamma, "energy": energy, "energy_raw": raw, **terms}
+        return cost, merit, terms, status
+
+    def evaluate(self, genes: Tensor, with_grad: bool) -> Eval:
+        """Price candidates (P, G) of the unit box; `with_grad` adds the gradient of the merit."""
+        genes = genes.detach()
+        if with_grad:
+            genes = genes.requires_grad_(True)
+        with torch.set_grad_enabled(with_grad):
+            _, merit, terms, status = self.price(genes, self.trajectory(genes))
+            computable = torch.isfinite(merit) & (status != int(Status.STANCE_UNSOLVED))
+            gradient = None
+            if with_grad:
+                # Candidates do not mix, so one backward pass of the sum gives every candidate's own gradient.
+                (gradient,) = torch.autograd.grad(merit[computable].sum(), genes, allow_unused=True)
+                gradient = torch.zeros_like(genes) if gradient is None else gradient
+                gradient = torch.where(torch.isfinite(gradient).all(-1, keepdim=True), gradient, 0.0)
+        merit = merit.detach()
+        infinite = torch.full_like(merit, torch.inf)
+        merit = torch.where(computable, merit, infinite)
+        cost = torch.where(status == int(Status.OK), merit, infinite)
+        return Eval(cost, gradient, merit, {k: v.detach() for k, v in terms.items()}, status)
+
+    def motion(self, genes: Tensor, fps: float) -> Motion:
+        """One stride of a candidate (G,) at about `fps` frames/s: the nearest rate with a whole number of frames."""
+        speed = torch.full((1,), self.speed, dtype=genes.dtype, device=genes.device)
+        with torch.no_grad():
+            return self.model.motion(self.table.decode(genes.unsqueeze(0)), speed, fps)
+
+    def with_beta(self, beta: float) -> RunProblem:
+        """The same body and speed at another briskness."""
+        return RunProblem(self.character, self.table, self.model, replace(self.settings), self.speed, beta)
