@@ -1,0 +1,211 @@
+"""Every mistake on the command line: one sentence, status 1, nothing left behind."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hopdiff.cli import main
+from hopdiff.config import compose, config_folder
+
+MISTAKES = {
+    "sped=3": "Unknown setting 'sped'. Did you mean 'speed'?",
+    "+sped=3": "Unknown setting 'sped'. Did you mean 'speed'?",
+    "+speed=3": "write speed=VALUE, without the plus",
+    "speed": "The override 'speed' cannot be read: write NAME=VALUE",
+    "speed=[1,": "The override 'speed=[1,' cannot be read",
+    "genes_file=a=b": "The override 'genes_file=a=b' cannot be read",
+    "speed=fast": "speed must be a number, not 'fast'",
+    "speed=": "speed must be a number, not ''",
+    "speed=null": "speed needs a value",
+    "speed=0": "speed must be a number above 0 [m/s], not 0",
+    "speed=-2": "speed must be a number above 0 [m/s], not -2",
+    "speed=nan": "speed must be a number above 0 [m/s], not nan",
+    "speed=inf": "speed must be a number above 0 [m/s], not inf",
+    "speed=3,4": "add -m to make a run of each",
+    "beta=1": "beta must be at least 0 and below 1, not 1",
+    "beta=-0.1": "beta must be at least 0 and below 1, not -0.1",
+    "beta=nan": "beta must be at least 0 and below 1, not nan",
+    "fps=0": "fps must be above 0",
+    "fps=-60": "fps must be above 0",
+    "fps=nan": "fps must be above 0",
+    "fps=1e9": "fps must be above 0 and at most 10000",
+    "seed=-1": "seed must be a whole number from 0",
+    "seed=1.5": "seed must be a whole number, not '1.5'",
+    "threads=0": "threads must be at least 1",
+    "device=gpu": "device 'gpu' cannot be used here: choose one of cpu",
+    "device=meta": "device 'meta' cannot be used here: choose one of cpu",
+    "device=cuda:99": "device 'cuda:99' cannot be used here: choose one of cpu",
+    "dtype=float16": "Unknown dtype 'float16': choose one of float32, float64",
+    "budget.evaluations=0": "budget.evaluations must be at least 1",
+    "budget.evaluation=5": "Did you mean 'budget.evaluations'?",
+    "budget.gradient_price=-1": "budget.gradient_price must be",
+    "search=gaa": "Unknown search 'gaa': choose one of cmaes, ga, gradient, hybrid, random. Did you mean 'ga'?",
+    "search.popsize=3": "Unknown setting 'search.popsize'",
+    "+search.popsize=3": "popsize",
+    "+search=ga": "write search=NAME, without the plus",
+    "model=smoth": "Unknown model 'smoth': choose one of smooth, thesis. Did you mean 'smooth'?",
+    "character=dwarf": "Unknown character 'dwarf': choose one of cartoon, child, human",
+    "character.mass=-70": "mass must be a positive number",
+    "character.heigt=2": "Did you mean 'character.height'?",
+    "character.joints.left_knee.parent=left_elbow": "left_knee",
+    "character.joints.left_hip.parent=left_knee": "cycle",
+    "~character.joints.neck": "'neck' is missing",
+    "costs=none": "Unknown costs 'none'",
+    "genes=none": "Unknown genes 'none'",
+    "genes.genes.alpha.low=0.5": "alpha",
+    "~genes.genes.alpha": "'alpha' is missing",
+    "task=fly": "Unknown task 'fly': choose one of compare, replay, run",
+    "task=replay": "task=replay needs genes_file=FILE",
+    "task=compare": "task=compare needs runs=FOLDER",
+    "experiment=brisk": "write +experiment=NAME",
+    "+experiment=bris": "Did you mean 'brisk'?",
+    "hydra/launcher=cloud": "Unknown hydra/launcher 'cloud'",
+}
+
+
+def run_main(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr("sys.argv", ["hopdiff", *arguments])
+    return main()
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)
+    monkeypatch.chdir(tmp_path)
+
+
+def only_sentence(capsys: pytest.CaptureFixture[str]) -> str:
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("hopdiff: ")
+    assert len(err.splitlines()) == 1
+    return err
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_sentence(
+    mistake: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert run_main(monkeypatch, mistake) == 1
+    assert MISTAKES[mistake] in only_sentence(capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("sped: 3", "experiment/mine.yaml: Unknown setting 'sped'. Did you mean 'speed'?"),
+        ("speed: fast", "experiment/mine.yaml: speed must be a number, not 'fast'"),
+        ("search: {popsize: 3}", "Unknown setting of search"),
+        ("search: {seed: 3, name: ga}", "Unknown setting of search"),
+        ("speed: [3\nbeta: 1", "mine.yaml, line 3: not YAML"),
+        ("defaults: [{override /search: gaa}]", "Unknown search 'gaa'"),
+    ],
+)
+def test_a_mistake_in_a_file_names_it(
+    content: str, says: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "mine" / "experiment").mkdir(parents=True)
+    (tmp_path / "mine" / "experiment" / "mine.yaml").write_text(f"# @package _global_\n{content}\n")
+    assert run_main(monkeypatch, "--config-dir", "mine", "+experiment=mine") == 1
+    assert says in only_sentence(capsys)
+
+
+def test_a_run_folder_that_cannot_be_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    assert run_main(monkeypatch, "hydra.run.dir=file/run") == 1
+    assert "The run folder (hydra.run.dir) cannot be written" in only_sentence(capsys)
+
+
+def test_an_unwritable_run_folder_is_found_before_the_search(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def refuse(self: Path, data: bytes) -> int:
+        raise PermissionError(13, "Permission denied", str(self))
+
+    def search(*_: object) -> None:
+        raise AssertionError("searched all the same")
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    monkeypatch.setattr("hopdiff.tasks.run.search_run", search)
+    assert run_main(monkeypatch, "hydra.run.dir=there") == 1
+    assert "there' cannot be written: Permission denied" in only_sentence(capsys)
+    assert not (tmp_path / "there").exists()
+
+
+def test_runs_that_are_not_there(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "empty").mkdir()
+    assert run_main(monkeypatch, "task=compare", "runs=nowhere") == 1
+    assert "runs=nowhere is not a folder" in only_sentence(capsys)
+    assert run_main(monkeypatch, "task=compare", "runs=empty") == 1
+    assert "runs=empty holds no run" in only_sentence(capsys)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("{", "not a JSON file"),
+        ('{"genes": {}}', "lacks the gene"),
+        ('{"genes": {}, "settings": {"speed": "fast"}}', "speed"),
+        ('{"genes": {}, "settings": {"model": {"stepp": 1}}}', "stepp"),
+        ('{"genes": {}, "settings": {"beta": 2}}', "beta must be at least 0 and below 1"),
+    ],
+)
+def test_a_broken_genes_file(
+    content: str, says: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "genes.json").write_text(content)
+    assert run_main(monkeypatch, "task=replay", "genes_file=genes.json") == 1
+    assert says in only_sentence(capsys)
+    assert [path.name for path in tmp_path.iterdir()] == ["genes.json"]
+
+
+def test_no_valid_candidate_leaves_no_files(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    arguments = ("costs.limits.leg_force_bw=0.1", "search=random", "search.population=8", "budget.evaluations=16")
+    assert run_main(monkeypatch, *arguments) == 1
+    assert "None of the 16 candidates tried is a possible run" in only_sentence(capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_whole_trace_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    with pytest.raises(Exception, match="speed must be a number above 0"):
+        run_main(monkeypatch, "speed=-2")
+    with pytest.raises(Exception, match="Could not override 'sped'"):
+        run_main(monkeypatch, "sped=2")
+
+
+def test_an_error_of_hopdiff_itself_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr("hopdiff.cli.perform", broken)
+    with pytest.raises(ZeroDivisionError):
+        run_main(monkeypatch)
+
+
+def test_a_failing_job_of_a_sweep_is_named_and_the_others_finish(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    tiny = ("search=random", "search.population=16", "budget.evaluations=32")
+    assert run_main(monkeypatch, "-m", "speed=-1,4", "hydra.sweep.dir=sweep", *tiny) == 1
+    err = capsys.readouterr().err
+    assert "job 0 (speed=-1" in err
+    assert "speed must be a number above 0" in err
+    assert "Traceback" not in err
+    metrics = [json.loads(path.read_text()) for path in (tmp_path / "sweep").rglob("metrics.json")]
+    assert [m["speed"] for m in metrics] == [pytest.approx(4.0)]
+
+
+def test_the_defaults_are_no_mistake() -> None:
+    assert compose().speed == 5.0
+    assert (config_folder() / "config.yaml").is_file()
