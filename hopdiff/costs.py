@@ -44,7 +44,7 @@ class LimitSettings:
     reach: float = 0.995
     foot_below_ground_mm: float = 0.5
     flight_time_s: float = 0.02
-    sway_stiffness: float = 0.05
+    sway_stiffness: float = 0.03
     penalty: float = 2.0
     margin: float = 0.02
 

@@ -34,7 +34,7 @@ KNOWN_GENES: dict[str, tuple[float, float]] = {
     "duty_factor": (0.0, 0.5),
     "leg_extension": (0.5, 0.9951),
     "step_width": (-1.0, 1.0),
-    "alpha": (0.5, 1.0),
+    "swing_reach": (0.0, 120.0),
     "swing_angle_start": (-120.0, 60.0),
     "swing_knee_start": (0.0, 180.0),
     "swing_knee_middle": (0.0, 180.0),

@@ -96,8 +96,7 @@ class SmoothModel:
             start_rate=LegPose(*(r[1] for r in rates)),
             end=LegPose(*(values[:, 0] for values in pose)),
             end_rate=LegPose(*(r[0] for r in rates)),
-            genes=SwingGenes(*(genes[name] for name in ("alpha", "swing_angle_start", "swing_knee_start"))
-                             , genes["swing_knee_middle"], genes["swing_clearance_end"]),
+            genes=SwingGenes(*(genes[f"swing_{name}"] for name in SwingGenes._fields)),
             # The hip of the swinging leg hangs on the other side of the pelvis.
             hip_height=height[:, -1] - body.hip_half_width * torch.sin(pelvis["pelvis_roll"][:, -1]),
             thigh=body.thigh,

@@ -23,7 +23,7 @@ from hopdiff.numerics import (
 )
 
 STANCE_NODES = 12  # on half a stance; 12 nodes leave an error below 1e-9 of the leg length in the gene box
-NEWTON_STEPS = 9
+NEWTON_STEPS = 6
 
 
 class Cycle(NamedTuple):

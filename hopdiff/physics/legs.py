@@ -20,6 +20,7 @@ from torch import Tensor
 from hopdiff.numerics import differentiation_matrix, hermite, safe_acos, safe_sqrt, smooth_max
 
 FLIGHT_ROOM = 0.8  # share of the way to the straight knee that follow-through may use
+TRAIL_ROOM = 0.15  # rad, how far the leg may trail behind its take-off angle before it swings back
 STRAIGHTEST_KNEE = 0.06  # rad, the knee never comes closer to straight than this in the air
 
 
@@ -32,13 +33,13 @@ class LegPose(NamedTuple):
 class SwingGenes(NamedTuple):
     """What is free in the path of the active leg (P,), angles in rad.
 
-    alpha: time of the most forward leg angle as a share of the flight before touchdown (Kang 1999, eq. 6).
+    reach: angle that the leg swings forward during the flight before touchdown.
     angle_start: leg angle when the other foot touches down. knee_start, knee_middle: knee flexion when
     the other foot touches down and half-way through its stance. clearance_end: height of the foot above the ground
     when the other foot takes off [m].
     """
 
-    alpha: Tensor
+    reach: Tensor
     angle_start: Tensor
     knee_start: Tensor
     knee_middle: Tensor
@@ -78,11 +79,12 @@ def end_rates(values: Tensor, duration: Tensor) -> tuple[Tensor, Tensor]:
 class Swing(NamedTuple):
     """The leg through the air, from its take-off to its next touchdown; every curve is analytic in time.
 
-    contact, flight: phase durations (P,) [s]. The remaining fields are coefficients of the curves (P,).
+    contact, flight: phase durations (P,) [s]. alpha: peak time of the leg angle before touchdown, see flight_alpha. The remaining fields are coefficients of the curves (P,).
     """
 
     contact: Tensor
     flight: Tensor
+    alpha: Tensor
     start: LegPose
     start_rate: LegPose
     end: LegPose
@@ -93,13 +95,15 @@ class Swing(NamedTuple):
     angle_end_rate: Tensor
     knees: tuple[Tensor, ...]
     knee_rates: tuple[Tensor, ...]
+    trail_power: Tensor
     follow_power: Tensor
     reach_power: Tensor
 
     def first_flight(self, x: Tensor) -> LegPose:
         """Pose at shares x (P, M) of the flight after take-off."""
         c = _Column(self)
-        angle = hermite(x, c.start.angle, c.angle_start, c.start_rate.angle, c.angle_start_rate, c.flight)
+        angle = hermite(x, c.start.angle, c.angle_start, torch.zeros_like(c.flight), c.angle_start_rate, c.flight)
+        angle = angle + _transient(x, c.start_rate.angle, c.flight, c.trail_power)
         knee = hermite(x, c.knees[0], c.knees[1], c.knee_rates[0], c.knee_rates[1], c.flight)
         knee = knee + _transient(x, c.start_rate.knee, c.flight, c.follow_power)
         return LegPose(angle, knee, self._tilt(c, x * c.flight))
@@ -152,15 +156,14 @@ def _fade_power(rate: Tensor, duration: Tensor, room: Tensor) -> Tensor:
     return smooth_max(wanted, 2.5, 0.5)
 
 
-def flight_angle_start(end_angle: Tensor, end_rate: Tensor, alpha: Tensor, duration: Tensor) -> tuple[Tensor, Tensor]:
-    """Leg angle and rate at the start of the flight before touchdown.
+def flight_alpha(reach: Tensor, end_rate: Tensor, duration: Tensor) -> Tensor:
+    """alpha (P,) of Kang (1999), equation (6): when the leg angle peaks, as a share of the flight.
 
-    The leg angle follows the parabola B_c of Kang (1999), equation (6): extremum at alpha T. Its end value and end
-    rate are those of touchdown, which leaves its start value and start rate. All (P,). Needs 1/2 < alpha < 1.
+    The parabola B_c with its extremum at alpha T sweeps `reach` [rad] and ends with the rate of touchdown
+    (`end_rate`, backward, negative [rad/s]); that leaves alpha. Reach > 0 keeps it between its pole at 1/2 and 1.
     """
-    start_rate = -end_rate * alpha / (1.0 - alpha)
-    start = end_angle + 0.5 * end_rate * duration * (2.0 * alpha - 1.0) / (1.0 - alpha)
-    return start, start_rate
+    ratio = -2.0 * reach / (end_rate * duration)
+    return (1.0 + ratio) / (2.0 + ratio)
 
 
 def make_swing(
@@ -179,19 +182,22 @@ def make_swing(
 
     hip_height: of the swinging leg's hip joint when the other foot takes off [m].
     """
-    angle_end, angle_end_rate = flight_angle_start(end.angle, end_rate.angle, genes.alpha, flight)
+    alpha = flight_alpha(genes.reach, end_rate.angle, flight)
+    angle_end = end.angle - genes.reach
+    angle_end_rate = -end_rate.angle * alpha / (1.0 - alpha)
     reach = (hip_height - genes.clearance_end) / torch.cos(angle_end)
     knee_end = safe_acos((reach**2 - thigh**2 - shank**2) / (2.0 * thigh * shank))
     # The rate at the inner knot that makes the two cubics share their curvature.
     slope_1 = (genes.angle_start - start.angle) / flight
     slope_2 = (angle_end - genes.angle_start) / contact
     angle_start_rate = (
-        3.0 * (contact * slope_1 + flight * slope_2) - contact * start_rate.angle - flight * angle_end_rate
+        3.0 * (contact * slope_1 + flight * slope_2) - flight * angle_end_rate
     ) / (2.0 * (contact + flight))
     knees = (start.knee, genes.knee_start, genes.knee_middle, knee_end, end.knee)
     return Swing(
         contact,
         flight,
+        alpha,
         start,
         start_rate,
         end,
@@ -202,6 +208,7 @@ def make_swing(
         angle_end_rate,
         knees,
         _spline_rates(knees, (flight, 0.5 * contact, 0.5 * contact, flight)),
+        _fade_power(start_rate.angle, flight, torch.full_like(flight, TRAIL_ROOM)),
         _fade_power(start_rate.knee, flight, FLIGHT_ROOM * (start.knee - STRAIGHTEST_KNEE).clamp_min(0.02)),
         _fade_power(end_rate.knee, flight, FLIGHT_ROOM * (end.knee - STRAIGHTEST_KNEE).clamp_min(0.02)),
     )
