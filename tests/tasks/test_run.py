@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import yaml
+from PIL import Image
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+import hopdiff
+from hopdiff.cli import main
+from hopdiff.search.loop import OnStep
+
+FILES = {
+    "motion.bvh",
+    "motion_in_place.bvh",
+    "genes.json",
+    "metrics.json",
+    "history.csv",
+    "strip.png",
+    "convergence.png",
+    "com_track.png",
+    "angles.png",
+    "motion.gif",
+    "config.yaml",
+    "versions.json",
+    "git.json",
+}
+METRICS = (
+    "speed beta cost gamma energy_rate energy_rate_raw energy_unit energy_target contact_time flight_time "
+    "step_frequency step_length duty_factor com_oscillation peak_leg_force_bw knee_touchdown_deg knee_stance_max_deg "
+    "knee_swing_max_deg trunk_lean_deg stance_foot_drift min_foot_clearance loop_error evaluations "
+    "gradient_evaluations invalid_fraction wall_seconds search model seed frame_time"
+).split()
+
+
+def read(folder: Path, name: str) -> dict:
+    return json.loads((folder / name).read_text())
+
+
+def history(folder: Path) -> list[dict[str, float]]:
+    with open(folder / "history.csv") as file:
+        return [{name: float(value or "nan") for name, value in row.items()} for row in csv.DictReader(file)]
+
+
+def test_the_folder_holds_everything_and_nothing_else(finished: Path) -> None:
+    names = {path.name for path in finished.iterdir()}
+    events = {name for name in names if name.startswith("events.out.tfevents")}
+    assert events
+    assert names - events == FILES
+
+
+def test_metrics_hold_every_number(finished: Path) -> None:
+    metrics = read(finished, "metrics.json")
+    assert [name for name in METRICS if name not in metrics] == []
+    numbers = {name: metrics[name] for name in METRICS if name not in ("search", "model")}
+    assert all(isinstance(value, int | float) and math.isfinite(value) for value in numbers.values())
+    assert metrics["speed"] == pytest.approx(4.0, rel=1e-9)
+    assert (metrics["beta"], metrics["seed"], metrics["search"], metrics["model"]) == (0.5, 3, "ga", "smooth")
+    assert metrics["evaluations"] == 200
+    assert metrics["step_length"] * metrics["step_frequency"] == pytest.approx(4.0, rel=1e-3)
+
+
+def test_history_is_the_search(finished: Path) -> None:
+    rows = history(finished)
+    assert [row["step"] for row in rows] == list(range(len(rows)))
+    assert rows[-1]["evaluations"] == 200
+    best = [row["best"] for row in rows]
+    assert best == sorted(best, reverse=True)
+    assert best[-1] == pytest.approx(read(finished, "metrics.json")["cost"], rel=1e-6)
+
+
+def test_events_are_the_history_and_the_pictures(finished: Path) -> None:
+    events = EventAccumulator(str(finished), size_guidance={"scalars": 0})
+    events.Reload()
+    best = [event.value for event in events.Scalars("search/best")]
+    assert best == pytest.approx([row["best"] for row in history(finished)], rel=1e-6)
+    assert {"strip", "convergence", "com_track", "angles"} <= set(events.Tags()["images"])
+    assert "_hparams_/session_start_info" in events.PluginTagToContent("hparams")
+
+
+def test_settings_are_whole(finished: Path) -> None:
+    settings = yaml.safe_load((finished / "config.yaml").read_text())
+    assert settings["speed"] == 4.0
+    assert settings["search"]["population"] == 40
+    assert settings["character"]["joints"]["neck"]["parent"] == "waist"
+    assert "speed=4" in read(finished, "versions.json")["command"]
+    assert read(finished, "versions.json")["hopdiff"] == hopdiff.__version__
+
+
+def test_the_gif_moves(finished: Path) -> None:
+    with Image.open(finished / "motion.gif") as image:
+        assert image.n_frames > 10
+
+
+def test_python_gives_the_same_run(finished: Path) -> None:
+    settings = ("search.population=40",)
+    run = hopdiff.generate(4, 0.5, seed=3, fps=30, search="ga", evaluations=200, settings=settings)
+    genes = {name: entry["value"] for name, entry in read(finished, "genes.json")["genes"].items()}
+    assert genes == run.genes
+
+
+def test_ctrl_c_keeps_the_best_so_far(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    @contextmanager
+    def impatient(evaluations: int) -> Iterator[OnStep]:
+        def on_step(row: object, result: object) -> None:
+            if getattr(row, "step") == 2:  # noqa: B009
+                os.kill(os.getpid(), signal.SIGINT)
+
+        yield on_step
+
+    monkeypatch.setattr("hopdiff.tasks.run.progress", impatient)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["hopdiff", "search=random", "hydra.run.dir=run"])
+    with pytest.raises(SystemExit) as done:
+        main()
+    assert done.value.code == 130
+    assert "Interrupted" in capsys.readouterr().out
+    assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES
+    assert len(history(tmp_path / "run")) == 3
+
+
+def test_the_default_folder_says_what_is_in_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["hopdiff", "+experiment=neutral", "speed=3", "search=random", "budget.evaluations=20"])
+    assert main() == 0
+    (folder,) = (tmp_path / "outputs").iterdir()
+    assert folder.name.endswith("_v3.0_beta0.2_random_seed0")

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import hydra
+import pytest
+import torch
+from hydra.core.global_hydra import GlobalHydra
+
+import hopdiff
+from hopdiff.config import compose, config_folder
+
+TINY = {"search": "random", "evaluations": 60}
+
+
+def test_generate_returns_a_run_and_writes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = hopdiff.generate(speed=4, beta=0.5, fps=30, **TINY)
+    assert run.metrics["speed"] == pytest.approx(4.0)
+    assert run.metrics["beta"] == 0.5
+    assert run.clip is run.motion.clip
+    assert run.clip.frame_time == pytest.approx(1 / 30, rel=0.05)
+    assert len(run.genes) >= 25
+    assert run.history[-1].best == min(row.best for row in run.history)
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+
+
+def test_same_seed_same_run_other_seed_other_run() -> None:
+    one, two, three = (hopdiff.generate(seed=seed, **TINY) for seed in (1, 1, 2))
+    assert torch.equal(one.clip.rotations, two.clip.rotations)
+    assert one.genes == two.genes
+    assert one.genes != three.genes
+
+
+def test_generate_leaves_pytorch_and_hydra_as_they_were() -> None:
+    torch.set_num_threads(2)
+    state = torch.random.get_rng_state()
+    with hydra.initialize_config_dir(str(config_folder()), version_base=None):
+        hopdiff.generate(**TINY)
+        assert GlobalHydra.instance().is_initialized()
+        assert hydra.compose("config").speed == compose().speed
+    assert torch.get_num_threads() == 2
+    assert torch.equal(torch.random.get_rng_state(), state)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"speed": -1}, "speed must be a number above 0"),
+        ({"speed": float("nan")}, "speed must be a number above 0"),
+        ({"speed": "fast"}, "speed must be a number, not 'fast'"),
+        ({"beta": 1.0}, "beta must be at least 0 and below 1"),
+        ({"search": "gaa"}, "Unknown search 'gaa'"),
+        ({"character": "dwarf"}, "Unknown character 'dwarf'"),
+        ({"dtype": "float16"}, "Unknown dtype 'float16'"),
+        ({"evaluations": 0}, "budget.evaluations"),
+        ({"settings": ("search.popsize=3",)}, "Unknown setting 'search.popsize'"),
+    ],
+)
+def test_mistakes_are_hopdiff_errors(arguments: dict, says: str) -> None:
+    with pytest.raises(hopdiff.HopdiffError, match=says):
+        hopdiff.generate(**arguments)
+
+
+def test_settings_reach_the_search() -> None:
+    run = hopdiff.generate(search="random", evaluations=40, settings=("search.population=10",))
+    assert [row.evaluations for row in run.history] == [10, 20, 30, 40]

@@ -1,0 +1,104 @@
+"""Every file in conf/ composes and builds, and every experiment runs once in a tiny version."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+import torch
+import yaml
+
+from hopdiff.config import build_job, build_search, checked, compose, config_folder, known_settings, with_saved
+from hopdiff.search import SEARCHES
+from hopdiff.tasks.job import search_run
+from hopdiff.types import HopdiffError
+
+CONF = config_folder()
+GROUPS = ("model", "search", "character", "costs", "genes")
+CHOICES = [(group, path.stem) for group in GROUPS for path in sorted((CONF / group).glob("*.yaml"))]
+EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
+TINY = ("budget.evaluations=200", "threads=1")
+
+
+def test_every_group_has_choices() -> None:
+    assert {group for group, _ in CHOICES} == set(GROUPS)
+    assert {name for group, name in CHOICES if group == "search"} == set(SEARCHES)
+    assert {name for group, name in CHOICES if group == "model"} == {"smooth", "thesis"}
+    assert {"human", "child", "cartoon"} <= {name for group, name in CHOICES if group == "character"}
+    assert {"brisk", "neutral"} <= set(EXPERIMENTS)
+
+
+@pytest.mark.parametrize(("group", "name"), CHOICES)
+def test_every_choice_composes_and_builds(group: str, name: str) -> None:
+    # Every body at a speed that is a run for its size.
+    height = compose([f"{group}={name}"]).character.height
+    job = build_job(compose([f"{group}={name}", f"speed={2.5 * math.sqrt(height)}"]))
+    assert job.settings[group]["name"] == name
+    result = job.problem.evaluate(job.problem.ordinary_genes.unsqueeze(0), with_grad=False)
+    assert torch.isfinite(result.cost).all()
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_runs(name: str) -> None:
+    config = compose([f"+experiment={name}", *TINY])
+    run = search_run(build_job(config))
+    assert math.isfinite(run.metrics["cost"])
+    assert run.metrics["speed"] == pytest.approx(config.speed, rel=1e-9)
+    assert run.metrics["evaluations"] <= 200
+    assert run.clip.frames == run.metrics["frames"] > 10
+
+
+@pytest.mark.parametrize("name", SEARCHES)
+def test_search_files_set_what_the_class_knows(name: str) -> None:
+    settings = yaml.safe_load((CONF / "search" / f"{name}.yaml").read_text())
+    assert settings["name"] == name
+    assert build_search(settings) == SEARCHES[name](**settings)
+
+
+def test_search_settings_are_typed() -> None:
+    with pytest.raises(HopdiffError, match="population"):
+        build_search({"name": "ga", "population": "many"})
+    with pytest.raises(HopdiffError, match="Unknown setting of search ga 'popsize'"):
+        build_search({"name": "ga", "popsize": 5})
+    with pytest.raises(HopdiffError, match="Unknown search.name 'None'"):
+        build_search({"population": 5})
+
+
+def test_experiments_are_differences() -> None:
+    for name in EXPERIMENTS:
+        text = (CONF / "experiment" / f"{name}.yaml").read_text()
+        assert text.startswith("# @package _global_\n"), name
+        assert len(text.splitlines()) < 30, name
+
+
+def test_known_settings_name_the_top_level() -> None:
+    known = known_settings()
+    assert {"speed", "beta", "seed", "device", "dtype", "fps", "runs", "genes_file"} <= set(known)
+    assert {"budget.evaluations", "search.population", "character.height", "model.step"} <= set(known)
+
+
+def test_a_genes_file_brings_its_settings_along() -> None:
+    saved = {"speed": 3.0, "beta": 0.2, "model": {"name": "smooth", "nodes": 9}, "unheard": 1}
+    merged = checked(with_saved(compose(), saved, typed=[]))
+    assert (merged.speed, merged.beta, merged.model.nodes) == (3.0, 0.2, 9)
+    assert merged.fps == 60.0
+
+
+def test_what_is_typed_wins_over_a_genes_file() -> None:
+    saved = {"speed": 3.0, "beta": 0.2, "model": {"name": "smooth", "nodes": 9, "sweeps": 1}}
+    typed = compose(["speed=4", "model.nodes=7"])
+    merged = checked(with_saved(typed, saved, typed=["speed", "model.nodes", "search.population"]))
+    assert (merged.speed, merged.beta, merged.model.nodes, merged.model.sweeps) == (4.0, 0.2, 7, 1)
+    whole = checked(with_saved(compose(["model=smooth"]), saved, typed=["model"]))
+    assert whole.model == checked(compose()).model
+
+
+def test_settings_survive_json(tmp_path: Path) -> None:
+    job = build_job(compose())
+    saved = json.loads(json.dumps(job.saved))
+    again = build_job(with_saved(compose(["speed=7", "beta=0.1"]), saved, typed=[]))
+    assert again.problem.speed == job.problem.speed
+    assert torch.equal(again.table.low, job.table.low)
+    assert torch.equal(again.problem.ordinary_genes, job.problem.ordinary_genes)
