@@ -13,7 +13,6 @@ from torch import Tensor
 ARMIJO = 1e-4  # share of the promised fall that a step must bring
 POWELL = 0.2  # share of the model's curvature that an update keeps at least
 BACKTRACKS = 12  # trials of one step before the model is thrown away
-PASSES = 4  # rounds of finding out which genes stay on their bound
 
 
 class Bfgs(NamedTuple):
@@ -141,29 +140,15 @@ def _outer(v: Tensor) -> Tensor:
 
 
 def _direction(x: Tensor, gradient: Tensor, hessian: Tensor) -> Tensor:
-    """(P, G) towards the minimum, within the box, of the quadratic model; 0 at a stationary point.
+    """(P, G) towards the bottom of the quadratic model, as far as the box goes; 0 at a stationary point.
 
-    Genes whose free minimum lies outside are held on their bound, and let go when the model pulls them back.
+    Genes that sit on a bound and are pushed against it stay there; the others take the step as if those did not exist.
     """
-    room = torch.where(gradient > 0, -x, 1.0 - x)
-    bound = torch.zeros_like(x).where(room == 0, torch.nan)  # how far a held gene moves; nan: not held
-    eye = _eye(x)
-    direction = torch.zeros_like(x)
-    for _ in range(PASSES):
-        held = ~bound.isnan()
-        given = bound.nan_to_num(0.0)
-        pull = gradient + (hessian @ given[..., None]).squeeze(-1)
-        free = (~held[:, :, None]) & (~held[:, None, :])
-        factor, failed = torch.linalg.cholesky_ex(torch.where(free, hessian, eye))
-        solved = torch.cholesky_solve(-pull.where(~held, 0.0)[..., None], factor).squeeze(-1)
-        solved = solved.where(failed[:, None] == 0, -pull.where(~held, 0.0))
-        direction = torch.where(held, given, solved)
-        force = gradient + (hessian @ direction[..., None]).squeeze(-1)
-        low, high = -x, 1.0 - x
-        at_low = torch.where(held, (given == low) & (force > 0), direction < low)
-        at_high = torch.where(held, (given == high) & (force < 0), direction > high)
-        bound = torch.where(at_low, low, torch.where(at_high, high, torch.nan))
-    direction = direction.clamp(-x, 1.0 - x)
-    uphill = (direction * gradient).sum(-1) >= 0
-    steepest = (-gradient).clamp(-x, 1.0 - x)
-    return torch.where(uphill[:, None], steepest, direction)
+    held = ((x <= 0) & (gradient > 0)) | ((x >= 1) & (gradient < 0))
+    free = ~held[:, :, None] & ~held[:, None, :]
+    pull = gradient.where(~held, 0.0)
+    factor, failed = torch.linalg.cholesky_ex(torch.where(free, hessian, _eye(x)))
+    direction = -torch.cholesky_solve(pull[..., None], factor).squeeze(-1).clamp(x - 1.0, x)
+    # a step cut by the box may lead up
+    downhill = ((direction * gradient).sum(-1) < 0) & (failed == 0)
+    return torch.where(downhill[:, None], direction, (-pull).clamp(-x, 1.0 - x))

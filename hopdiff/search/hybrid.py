@@ -14,7 +14,6 @@ from hopdiff.search.descent import joined, taken
 from hopdiff.search.ga import GA, Population
 from hopdiff.search.settings import require
 
-
 TO_THE_END = 1 << 30
 
 
@@ -151,9 +150,11 @@ class Hybrid:
 
     def _taught(self, people: Population, climbers: Climbers) -> Population:
         """The population after its climbers' costs, and their genes if written back, took the place of the old ones."""
+        if not len(climbers.origin):
+            return people
         mine = (people.genes[:, None] == climbers.origin[None]).all(-1)
-        who = torch.where(mine.any(1), mine.int().argmax(1), -1)
-        gain = (who >= 0) & (climbers.cost[who] < people.cost) if len(climbers.cost) else mine.any(1)
+        who = mine.int().argmax(1)
+        gain = mine.any(1) & (climbers.cost[who] < people.cost)
         if not gain.any():
             return people
         genes, cost = people.genes.clone(), people.cost.clone()
