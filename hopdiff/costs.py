@@ -26,13 +26,17 @@ ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
 class StyleSettings:
     """How a run departs from ordinary running as the energy target grows.
 
-    Each quantity q of the run is asked to be q_ordinary * (target / ordinary target) ** exponent.
+    Each quantity q of the run is asked to be q_ordinary * (target / ordinary target) ** exponent, the mean forward
+    lean of the trunk to be trunk_lean_deg at every briskness.
     """
 
-    weight: float = 0.3
+    weight: float = 2.0
     contact_time: float = -0.06
-    flight_time: float = 0.12
+    flight_time: float = 0.10
+    bounce: float = 0.10
     arm_swing: float = 0.22
+    trunk_lean_deg: float = 8.0
+    trunk_lean_weight: float = 0.3
 
 
 @dataclass
@@ -41,7 +45,7 @@ class LimitSettings:
 
     leg_force_bw: float = 5.5
     knee_stance_deg: float = 90.0
-    reach: float = 0.995
+    reach: float = 0.998
     foot_below_ground_mm: float = 0.5
     flight_time_s: float = 0.02
     sway_stiffness: float = 0.03
@@ -59,9 +63,9 @@ class CostSettings:
     name: str = "default"
     gamma: str = "smooth"
     gamma_guard: float = 1.0
-    energy_match: float = 20.0
+    energy_match: float = 60.0
     leg_force: float = 0.02
-    ordinary: float = 0.05
+    ordinary: float = 0.4
     style: StyleSettings = field(default_factory=StyleSettings)
     limits: LimitSettings = field(default_factory=LimitSettings)
 
@@ -72,6 +76,7 @@ class Ordinary(NamedTuple):
     energy_unit: float
     contact_time: float
     flight_time: float
+    bounce: float
     arm_swing: float
 
 
@@ -123,14 +128,26 @@ def energy_target(beta: float) -> float:
 
 
 def energy_mismatch(energy: Tensor, beta: float) -> Tensor:
-    """Squared relative distance from the energy target (P,); below beta 0.2 relative to the ordinary target."""
+    """Squared relative distance from the energy target (P,).
+
+    Below beta 0.2 the target may lie under the least that the body needs: it counts less and less, and at beta 0
+    only eval asks for little energy.
+    """
     target = energy_target(beta)
-    return ((energy - target) / max(target, ORDINARY_TARGET)) ** 2
+    demand = min(target / ORDINARY_TARGET, 1.0)
+    return demand**2 * ((energy - target) / max(target, ORDINARY_TARGET)) ** 2
 
 
 def leg_effort(trajectory: Trajectory) -> Tensor:
     """Mean square of the leg force over the step in body weights, less the 1 of standing still (P,)."""
     return (trajectory.leg_force**2 * trajectory.weights).sum(-1) / step_time(trajectory) - 1.0
+
+
+def com_bounce(trajectory: Trajectory) -> Tensor:
+    """Vertical travel of the centre of mass over the step (P,) [m]."""
+    used = trajectory.weights > 0
+    height = trajectory.com_height
+    return height.masked_fill(~used, -torch.inf).amax(-1) - height.masked_fill(~used, torch.inf).amin(-1)
 
 
 def arm_swing(trajectory: Trajectory) -> Tensor:
@@ -143,16 +160,24 @@ def arm_swing(trajectory: Trajectory) -> Tensor:
 
 
 def style_mismatch(trajectory: Trajectory, ordinary: Ordinary, style: StyleSettings, beta: float) -> Tensor:
-    """Squared logarithmic distance of contact time, flight time and arm swing from what the briskness asks (P,)."""
+    """Squared logarithmic distance from what the briskness asks, summed over the quantities of the style (P,)."""
     growth = math.log(max(energy_target(beta), 0.1 * ORDINARY_TARGET) / ORDINARY_TARGET)
     total = torch.zeros_like(trajectory.speed)
     for value, usual, exponent in (
         (trajectory.contact_time, ordinary.contact_time, style.contact_time),
         (trajectory.flight_time, ordinary.flight_time, style.flight_time),
+        (com_bounce(trajectory), ordinary.bounce, style.bounce),
         (arm_swing(trajectory), ordinary.arm_swing, style.arm_swing),
     ):
         total = total + (torch.log(value.clamp_min(1e-4) / usual) - exponent * growth) ** 2
     return total
+
+
+def posture_mismatch(trajectory: Trajectory, lean: float) -> Tensor:
+    """Squared distance of the mean trunk lean from `lean` (P,) [rad^2]."""
+    column = [name for name, _, _ in JOINT_CHANNELS].index("trunk_lean")
+    mean = (trajectory.angles[..., column] * trajectory.weights).sum(-1) / step_time(trajectory)
+    return (mean - lean) ** 2
 
 
 def step_time(trajectory: Trajectory) -> Tensor:

@@ -75,6 +75,7 @@ class RunProblem:
                 raw / costs.ORDINARY_TARGET,
                 float(trajectory.contact_time),
                 float(trajectory.flight_time),
+                float(costs.com_bounce(trajectory)),
                 float(costs.arm_swing(trajectory)),
             )
 
@@ -99,6 +100,8 @@ class RunProblem:
             "energy_match": s.energy_match * costs.energy_mismatch(energy, beta),
             "leg_force": s.leg_force * (1.0 - beta) * costs.leg_effort(trajectory),
             "style": s.style.weight * costs.style_mismatch(trajectory, self.ordinary, s.style, beta),
+            "posture": s.style.trunk_lean_weight
+            * costs.posture_mismatch(trajectory, math.radians(s.style.trunk_lean_deg)),
             "ordinary": s.ordinary * ((genes - self.ordinary_genes) ** 2).mean(-1),
         }
         cost = torch.stack(list(terms.values())).sum(0)

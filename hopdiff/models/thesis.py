@@ -1,0 +1,271 @@
+"""The `thesis` model: the equations of Kang (1999) stepped frame by frame.
+
+One step is run from touchdown: hopper (1) to (4), legs (5), (6), balance (7) to (11) from an upright body at rest.
+Genes are those of the smooth model. The touchdown state and the spring come from the periodic hop of
+`solve_cycle`, since the thesis leaves the vertical speed at touchdown open.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from hopdiff.character import Character
+from hopdiff.models.body import foot_height, lower_centre, mirror, sway_sensitivity, upper_centre, upper_channels
+from hopdiff.models.stride import Pose, finish_stride
+from hopdiff.models.trajectory import JOINT_CHANNELS, LEG_CHANNELS, Trajectory
+from hopdiff.motion import Motion
+from hopdiff.numerics import safe_acos
+from hopdiff.physics.hopper import Cycle, solve_cycle
+from hopdiff.physics.legs import LegPose, flight_alpha, knee_offset, leg_pose
+from hopdiff.physics.stepping import Hops, flight_blend, step_balance, step_hopper
+
+
+class Frames(NamedTuple):
+    """One step on frames (P, F): left stance and the flight after it. Targets are relative to HIP [m]."""
+
+    cycle: Cycle
+    hops: Hops
+    base: dict[str, Tensor]
+    stride_phase: Tensor
+    target_side: Tensor
+    target_forward: Tensor
+    reach: Tensor
+    stance_count: Tensor
+    count: Tensor
+
+
+@dataclass(frozen=True)
+class ThesisModel:
+    """character: the body. step: frame interval h [s]. strides: run before the one that `motion` keeps."""
+
+    character: Character
+    step: float = 0.005
+    strides: int = 8
+
+    def frames(self, genes: dict[str, Tensor], speed: Tensor) -> Frames:
+        """genes: name -> (P,) in SI units and rad. speed: (P,) [m/s]."""
+        body, g = self.character, genes
+        length = g["leg_extension"] * body.leg_length
+        contact = 2.0 * length * torch.sin(g["touchdown_angle"]) / speed
+        flight = contact * (0.5 / g["duty_factor"] - 1.0)
+        cycle = solve_cycle(length, g["touchdown_angle"], speed, flight_time=flight)
+        # A step that takes half as long again as the periodic one has lost its cycle.
+        longest = int(math.ceil(1.5 * float(torch.nan_to_num(contact + flight).max()) / self.step)) + 2
+        hops = step_hopper(
+            length, g["touchdown_angle"], speed, cycle.stiffness, cycle.touchdown_rate, self.step, 1, longest
+        )
+        count = hops.alive.sum(-1)
+        stance_count = (hops.alive & ~hops.in_flight).sum(-1)
+        base, reach = self._base(genes, cycle, hops)
+        width = 0.5 * g["step_width"].unsqueeze(-1)
+        takeoff = 2.0 * hops.phase - 1.0
+        half = 0.5 * (speed * cycle.contact_time).unsqueeze(-1)
+        side = torch.where(hops.in_flight, -width * takeoff, width.expand_as(hops.phase))
+        forward = torch.where(hops.in_flight, half * takeoff, hops.foot - hops.forward) + g["com_lead"].unsqueeze(-1)
+        times = torch.arange(hops.phase.shape[-1], dtype=speed.dtype, device=speed.device) * self.step
+        duration = (count * self.step).clamp_min(1).unsqueeze(-1)
+        return Frames(
+            cycle, hops, base, math.pi * times / duration, side, forward, reach, stance_count, count
+        )
+
+    def _base(self, g: dict[str, Tensor], cycle: Cycle, hops: Hops) -> tuple[dict[str, Tensor], Tensor]:
+        """Pelvis and leg channels (P, F); the pelvis of the thesis does not turn."""
+        body = self.character
+        side = (0.5 * g["step_width"] - body.hip_half_width).unsqueeze(-1)
+        zero = torch.zeros_like(hops.height)
+        stance, reach = leg_pose(side + zero, -hops.height, hops.foot - hops.forward, body.thigh, body.shank)
+        takeoff, _ = leg_pose(
+            side + zero, -hops.takeoff_height.clamp_min(0.1), hops.foot - hops.takeoff_forward, body.thigh, body.shank
+        )
+        height = cycle.leg_length * torch.cos(g["touchdown_angle"])
+        ahead = cycle.leg_length * torch.sin(g["touchdown_angle"])
+        touchdown, _ = leg_pose(side, -height.unsqueeze(-1), ahead.unsqueeze(-1), body.thigh, body.shank)
+        end_rate = -(cycle.speed * height + cycle.touchdown_rate * ahead) / cycle.leg_length**2
+        alpha = flight_alpha(g["swing_reach"], end_rate, cycle.flight_time)
+        angle_end = touchdown.angle - g["swing_reach"].unsqueeze(-1)
+        distance = (height - g["swing_clearance_end"]).unsqueeze(-1) / torch.cos(angle_end)
+        knee_end = safe_acos((distance**2 - body.thigh**2 - body.shank**2) / (2.0 * body.thigh * body.shank))
+        angle_start, knee_start, knee_middle = (
+            g[f"swing_{name}"].unsqueeze(-1) for name in ("angle_start", "knee_start", "knee_middle")
+        )
+        # Stance: the active leg moves with the way of HIP, its knee on the parabola through three genes.
+        p = hops.phase
+        active = LegPose(
+            angle_start + (angle_end - angle_start) * p,
+            knee_start * (1 - p) * (1 - 2 * p) + 4 * knee_middle * p * (1 - p) + knee_end * p * (2 * p - 1),
+            touchdown.tilt + zero,
+        )
+        # Flight, equation (5): knees blend linearly, leg angles on the parabola (6); the legs swap their roles.
+        blend = flight_blend(p, alpha)
+        trailing = LegPose(
+            takeoff.angle + (angle_start - takeoff.angle) * blend,
+            takeoff.knee + (knee_start - takeoff.knee) * p,
+            takeoff.tilt + (touchdown.tilt - takeoff.tilt) * p,
+        )
+        leading = LegPose(
+            angle_end + (touchdown.angle - angle_end) * blend,
+            knee_end + (touchdown.knee - knee_end) * p,
+            touchdown.tilt + zero,
+        )
+        channels = {
+            "pelvis_tilt": g["pelvis_tilt"].unsqueeze(-1) + zero,
+            "pelvis_roll": zero,
+            "pelvis_yaw": zero,
+            "trunk_yaw": zero,
+        }
+        for name, air, ground, sign in (("left", trailing, stance, 1.0), ("right", leading, active, -1.0)):
+            pose = LegPose(*(torch.where(hops.in_flight, a, b) for a, b in zip(air, ground, strict=True)))
+            channels[f"{name}_thigh"] = pose.angle + knee_offset(pose.knee, body.thigh, body.shank)
+            channels[f"{name}_knee"] = pose.knee
+            channels[f"{name}_tilt"] = sign * pose.tilt
+        standing = hops.alive & ~hops.in_flight
+        return channels, reach.masked_fill(~standing, 0.0).amax(-1)
+
+    def _balance(
+        self,
+        genes: dict[str, Tensor],
+        speed: Tensor,
+        base: dict[str, Tensor],
+        stride_phase: Tensor,
+        target: tuple[Tensor, Tensor],
+    ) -> tuple[dict[str, Tensor], Tensor, Tensor]:
+        """Upper-body channels, errors (P, F, 2) and centre of mass height above HIP, frame by frame from rest."""
+        low = lower_centre(self.character, base)
+        still = torch.zeros_like(speed)
+        sway = [(still, still, still), (still, still, still)]
+        columns, errors, heights = [], [], []
+        for frame in range(stride_phase.shape[-1]):
+            here = slice(frame, frame + 1)
+            forward, side = (state[0].unsqueeze(-1) * speed.unsqueeze(-1) for state in sway)
+            upper = upper_channels(genes, stride_phase[:, here], forward, side, speed)
+            high = upper_centre(self.character, {**upper, "trunk_yaw": base["trunk_yaw"][:, here]})
+            error = torch.stack(
+                (target[0][:, frame] - (low[0][:, frame] + high[0][:, 0]), target[1][:, frame] - (low[2][:, frame] + high[2][:, 0])),
+                dim=-1,
+            )
+            columns.append(upper)
+            errors.append(error)
+            heights.append(low[1][:, frame] + high[1][:, 0])
+            sway = [
+                (step_balance(state, error[:, axis], self.step, speed), state[0], state[1])
+                for state, axis in zip(sway, (1, 0), strict=True)
+            ]
+        channels = {name: torch.cat([column[name] for column in columns], dim=-1) for name in columns[0]}
+        return channels, torch.stack(errors, dim=1), torch.stack(heights, dim=1)
+
+    def trajectory(self, genes: dict[str, Tensor], speed: Tensor) -> Trajectory:
+        """One step of every candidate on frames; joint accelerations do not reach across take-off, gamma does."""
+        f = self.frames(genes, speed)
+        upper, error, com_height = self._balance(
+            genes, speed, f.base, f.stride_phase, (f.target_side, f.target_forward)
+        )
+        channels = {**f.base, **upper}
+        angles = torch.stack([channels[name] for name, _, _ in JOINT_CHANNELS], dim=-1)
+        rates = torch.diff(angles, dim=1) / self.step
+        inner = torch.diff(rates, dim=1) / self.step
+        accelerations = torch.cat((inner[:, :1], inner, inner[:, -1:]), dim=1)
+        # The rows next to take-off mix stance and flight: each takes over its own side's neighbour.
+        frame = torch.arange(angles.shape[1], device=angles.device)
+        last = f.stance_count.clamp_min(3) - 1
+        final = f.count.clamp_min(5) - 1
+        near = frame.expand(speed.shape[0], -1)
+        near = torch.where(near == last[:, None], near - 1, torch.where(near == last[:, None] + 1, near + 1, near))
+        near = torch.minimum(near, (final - 1)[:, None]).clamp(1, angles.shape[1] - 2)
+        accelerations = accelerations.gather(1, near.unsqueeze(-1).expand_as(accelerations))
+
+        def leg_rates(index: Tensor) -> Tensor:
+            index = index.clamp(0, rates.shape[1] - 1)
+            return rates[..., :LEG_CHANNELS].gather(1, index[:, None, None].expand(-1, 1, LEG_CHANNELS))[:, 0]
+
+        ending = leg_rates(last - 1)
+        before = ending + (ending - leg_rates(last - 2))
+        after = leg_rates(last + 1)
+        used = f.hops.alive
+        force = f.cycle.leg_force_bw(f.hops.forward - f.hops.foot, f.hops.height)
+        complete = f.cycle.converged & (f.count > f.stance_count) & (f.stance_count > 3)
+        # A finished step is followed by a frame that is no longer alive; one that was cut off is not.
+        complete = complete & ((f.hops.hop[:, -1] > 0) | ~used[:, -1])
+        landed = (f.hops.flight * used).amax(-1) > 0
+        return Trajectory(
+            weights=used * self.step,
+            angles=angles,
+            accelerations=accelerations,
+            rates_before=before,
+            rates_after=after,
+            balance_error=error,
+            com_height=f.hops.height + com_height,
+            foot_height=torch.stack(
+                [foot_height(self.character, f.base, f.hops.height, side) for side in ("left", "right")], dim=-1
+            ),
+            leg_force=torch.where(f.hops.in_flight, torch.zeros_like(force), force),
+            reach=f.reach,
+            pelvis_tilt=genes["pelvis_tilt"],
+            contact_time=f.stance_count * self.step,
+            flight_time=(f.count - f.stance_count) * self.step,
+            speed=speed,
+            sway_stiffness=sway_sensitivity(self.character, genes)[0] / speed,
+            solved=complete & landed,
+        )
+
+    def motion(self, genes: dict[str, Tensor], speed: Tensor, fps: float) -> Motion:
+        """One stride of a single candidate, after `strides` strides in which the balance settles.
+
+        The step of the hopper is repeated; a balance that has not settled shows as a gap between first and last frame.
+        """
+        f = self.frames(genes, speed)
+        used = int(f.count[0])
+        stance = int(f.stance_count[0])
+        turn = slice(0, used)
+        pieces = []
+        for k in range(2 * (self.strides + 1)):
+            swapped = torch.full((1, used), k % 2 == 1)
+            pieces.append(mirror({name: values[:, turn] for name, values in f.base.items()}, swapped))
+        base = {name: torch.cat([piece[name] for piece in pieces], dim=-1) for name in pieces[0]}
+        steps = len(pieces)
+        signs = [1.0 - 2.0 * (k % 2) for k in range(steps)]
+        phase = torch.cat([f.stride_phase[:, turn] + math.pi * k for k in range(steps)], dim=-1)
+        side = torch.cat([sign * f.target_side[:, turn] for sign in signs], dim=-1)
+        forward = f.target_forward[:, turn].repeat(1, steps)
+        upper, _, _ = self._balance(genes, speed, base, phase, (side, forward))
+        channels = {**base, **upper}
+        height = f.hops.height[:, turn].repeat(1, steps)
+        force = f.cycle.leg_force_bw((f.hops.forward - f.hops.foot)[:, turn], f.hops.height[:, turn]).clamp_min(0.0)
+        force = torch.where(f.hops.in_flight[:, turn], torch.zeros_like(force), force).repeat(1, steps)
+        first = 2 * self.strides * used
+        closing = {name: self._closed(values[0], first, used) for name, values in channels.items()}
+
+        def curve(values: Tensor, times: Tensor) -> Tensor:
+            position = (times / self.step).clamp(0.0, 2.0 * used)
+            below = position.floor().long().clamp(max=2 * used - 1)
+            share = position - below
+            return values[below] * (1.0 - share) + values[below + 1] * share
+
+        def sample(times: Tensor) -> Pose:
+            target = torch.stack((self._closed(side[0], first, used), self._closed(forward[0], first, used)), dim=-1)
+            return Pose(
+                {name: curve(values, times) for name, values in closing.items()},
+                curve(self._closed(height[0], first, used), times),
+                torch.stack([curve(target[:, axis], times) for axis in range(2)], dim=-1),
+                curve(self._closed(force[0], first, used), times),
+            )
+
+        return finish_stride(
+            self.character,
+            sample,
+            stance * self.step,
+            (used - stance) * self.step,
+            float(speed),
+            fps,
+            speed,
+        )
+
+    @staticmethod
+    def _closed(values: Tensor, first: int, used: int) -> Tensor:
+        """Frames of the last stride (2 used + 1,), its first frame repeated at the end to close the loop."""
+        stride = values[first : first + 2 * used]
+        return torch.cat((stride, stride[:1]))
