@@ -55,7 +55,7 @@ class ThesisModel:
         flight = contact * (0.5 / g["duty_factor"] - 1.0)
         cycle = solve_cycle(length, g["touchdown_angle"], speed, flight_time=flight)
         # A step that takes half as long again as the periodic one has lost its cycle.
-        longest = int(math.ceil(1.5 * float(torch.nan_to_num(contact + flight).max()) / self.step)) + 2
+        longest = int(math.ceil(1.5 * float(torch.nan_to_num((contact + flight).detach()).max()) / self.step)) + 2
         hops = step_hopper(
             length, g["touchdown_angle"], speed, cycle.stiffness, cycle.touchdown_rate, self.step, 1, longest
         )
@@ -68,7 +68,7 @@ class ThesisModel:
         side = torch.where(hops.in_flight, -width * takeoff, width.expand_as(hops.phase))
         forward = torch.where(hops.in_flight, half * takeoff, hops.foot - hops.forward) + g["com_lead"].unsqueeze(-1)
         times = torch.arange(hops.phase.shape[-1], dtype=speed.dtype, device=speed.device) * self.step
-        duration = (count * self.step).clamp_min(1).unsqueeze(-1)
+        duration = (count.clamp_min(1).to(speed) * self.step).unsqueeze(-1)
         return Frames(
             cycle, hops, base, math.pi * times / duration, side, forward, reach, stance_count, count
         )
@@ -187,12 +187,10 @@ class ThesisModel:
         after = leg_rates(last + 1)
         used = f.hops.alive
         force = f.cycle.leg_force_bw(f.hops.forward - f.hops.foot, f.hops.height)
-        complete = f.cycle.converged & (f.count > f.stance_count) & (f.stance_count > 3)
-        # A finished step is followed by a frame that is no longer alive; one that was cut off is not.
-        complete = complete & ((f.hops.hop[:, -1] > 0) | ~used[:, -1])
-        landed = (f.hops.flight * used).amax(-1) > 0
+        # A finished step ends in a frame of the next hop; one that fell or was cut off does not.
+        complete = f.cycle.converged & (f.hops.hop[:, -1] > 0) & (f.stance_count > 3) & (f.count > f.stance_count + 2)
         return Trajectory(
-            weights=used * self.step,
+            weights=used.to(speed) * self.step,
             angles=angles,
             accelerations=accelerations,
             rates_before=before,
@@ -205,11 +203,11 @@ class ThesisModel:
             leg_force=torch.where(f.hops.in_flight, torch.zeros_like(force), force),
             reach=f.reach,
             pelvis_tilt=genes["pelvis_tilt"],
-            contact_time=f.stance_count * self.step,
-            flight_time=(f.count - f.stance_count) * self.step,
+            contact_time=f.stance_count.to(speed) * self.step,
+            flight_time=(f.count - f.stance_count).to(speed) * self.step,
             speed=speed,
             sway_stiffness=sway_sensitivity(self.character, genes)[0] / speed,
-            solved=complete & landed,
+            solved=complete,
         )
 
     def motion(self, genes: dict[str, Tensor], speed: Tensor, fps: float) -> Motion:

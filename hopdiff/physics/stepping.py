@@ -71,6 +71,8 @@ def step_hopper(
         frames.append(
             (forward, height, foot, hop, in_flight, phase, takeoff_forward, takeoff_height, duration, alive)
         )
+        if not bool(alive.any()):
+            break
         length = safe_sqrt((forward - foot) ** 2 + height**2)
         lift = stiffness * (leg_length - length) * height / length - GRAVITY
         stance_next = lift * step**2 + 2.0 * height - before
@@ -98,8 +100,6 @@ def step_hopper(
         alive = alive & ~fails & (hop < hops)
         # A dead hopper stays where it is, so that nothing grows without bound.
         forward, height = torch.where(alive, next_forward, forward), torch.where(alive, next_height, height)
-        if not bool(alive.any()):
-            break
     return Hops(*(torch.stack(column, dim=-1) for column in zip(*frames, strict=True)))
 
 
