@@ -20,6 +20,7 @@ from hopdiff.types import Status
 
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
 ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
+JOINT_LIMIT_SCALE = 0.5  # rad beyond its range at which a joint is grossly wrong
 
 
 @dataclass
@@ -225,7 +226,7 @@ def excesses(trajectory: Trajectory, character: Character, limits: LimitSettings
         Status.LEG_COLLAPSED: (stance_knee - math.radians(limits.knee_stance_deg)) / 0.5,
         Status.LEG_FORCE: (largest(trajectory.leg_force) - limits.leg_force_bw) / 2.0,
         Status.FOOT_UNDERGROUND: (-lowest - tolerance) / (0.05 * character.leg_length),
-        Status.JOINT_LIMIT: torch.stack(joints).amax(0) / 0.5,
+        Status.JOINT_LIMIT: torch.stack(joints).amax(0) / JOINT_LIMIT_SCALE,
         Status.BALANCE_UNSTABLE: (limits.sway_stiffness - trajectory.sway_stiffness) / 0.1,
         Status.NO_FLIGHT: (limits.flight_time_s - trajectory.flight_time) / 0.02,
     }

@@ -89,8 +89,8 @@ class RunProblem:
         speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
         return self.model.trajectory(self.table.decode(genes), speed)
 
-    def price(self, genes: Tensor, trajectory: Trajectory) -> tuple[Tensor, Tensor, dict[str, Tensor], Tensor]:
-        """Cost without and with the constraint penalty (P,), its terms, and the status (P,)."""
+    def price(self, genes: Tensor, trajectory: Trajectory) -> tuple[Tensor, dict[str, Tensor], Tensor]:
+        """Merit (cost with the constraint penalty) (P,), its terms, and the status (P,)."""
         s, beta = self.settings, self.beta
         gamma = costs.connectivity(trajectory, s.gamma, s.gamma_guard)
         raw = costs.energy_rate_raw(trajectory, self.character)
@@ -104,14 +104,14 @@ class RunProblem:
             * costs.posture_mismatch(trajectory, math.radians(s.style.trunk_lean_deg)),
             "ordinary": s.ordinary * ((genes - self.ordinary_genes) ** 2).mean(-1),
         }
-        cost = torch.stack(list(terms.values())).sum(0)
         excess = costs.excesses(trajectory, self.character, s.limits)
-        merit = cost + costs.penalty(excess, s.limits)
+        terms["penalty"] = costs.penalty(excess, s.limits)
+        merit = torch.stack(list(terms.values())).sum(0)
         status = costs.status_of(excess, trajectory.solved)
         finite = torch.isfinite(merit)
         status = torch.where(finite, status, torch.full_like(status, int(Status.NOT_FINITE)))
         terms = {"gamma": gamma, "energy": energy, "energy_raw": raw, **terms}
-        return cost, merit, terms, status
+        return merit, terms, status
 
     def evaluate(self, genes: Tensor, with_grad: bool) -> Eval:
         """Price candidates (P, G) of the unit box; `with_grad` adds the gradient of the merit."""
@@ -119,7 +119,7 @@ class RunProblem:
         if with_grad:
             genes = genes.requires_grad_(True)
         with torch.set_grad_enabled(with_grad):
-            _, merit, terms, status = self.price(genes, self.trajectory(genes))
+            merit, terms, status = self.price(genes, self.trajectory(genes))
             computable = torch.isfinite(merit) & (status != int(Status.STANCE_UNSOLVED))
             gradient = None
             if with_grad:

@@ -1,0 +1,28 @@
+"""Motion models by name."""
+
+from __future__ import annotations
+
+from hopdiff.character import Character
+from hopdiff.models.base import Model, ModelSettings
+from hopdiff.models.smooth import SmoothModel
+from hopdiff.models.thesis import ThesisModel
+from hopdiff.types import HopdiffError
+
+MODELS = ("smooth", "thesis")
+
+
+def build_model(settings: ModelSettings, character: Character) -> Model:
+    """Raises HopdiffError, naming the setting, for an unknown model or a number out of range."""
+    if settings.name not in MODELS:
+        raise HopdiffError(f"model.name must be one of {', '.join(MODELS)}, not {settings.name!r}.")
+    if not 4 <= settings.nodes <= 64:
+        raise HopdiffError(f"model.nodes must lie between 4 and 64, not {settings.nodes}.")
+    if not 1 <= settings.sweeps <= 100:
+        raise HopdiffError(f"model.sweeps must lie between 1 and 100, not {settings.sweeps}.")
+    if not 1e-4 <= settings.step <= 0.02:
+        raise HopdiffError(f"model.step must lie between 0.0001 and 0.02 s, not {settings.step:g}.")
+    if not 0 <= settings.strides <= 1000:
+        raise HopdiffError(f"model.strides must lie between 0 and 1000, not {settings.strides}.")
+    if settings.name == "thesis":
+        return ThesisModel(character, settings.step, settings.strides)
+    return SmoothModel(character, settings.nodes, settings.sweeps)

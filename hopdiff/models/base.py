@@ -24,7 +24,7 @@ class ModelSettings:
     nodes: int = 12
     sweeps: int = 2
     step: float = 0.005
-    strides: int = 1
+    strides: int = 8
 
 
 class Model(Protocol):

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from hopdiff.genes import GeneTable
 from hopdiff.geometry.clip import Clip
+from hopdiff.metrics import run_metrics
 from hopdiff.motion import Motion
 from hopdiff.problem import RunProblem
 from hopdiff.search.base import Search
@@ -70,7 +71,7 @@ def make_run(job: Job, genes: Tensor, result: SearchResult | None = None) -> Run
     return Run(
         motion=motion,
         genes=dict(zip(job.table.names, values, strict=True)),
-        metrics={**job.problem.metrics(genes), **_provenance(job, motion, result)},
+        metrics={**run_metrics(job.problem, genes), **_provenance(job, motion, result)},
         history=result.history if result else [],
         interrupted=result.interrupted if result else False,
     )

@@ -1,0 +1,98 @@
+"""The numbers of a finished run."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from hopdiff import costs
+from hopdiff.models.trajectory import Trajectory
+from hopdiff.motion import Motion
+from hopdiff.problem import RunProblem
+
+MEASURING_FPS = 240.0  # dense enough that maxima between frames do not matter
+
+
+def run_metrics(problem: RunProblem, genes: Tensor) -> dict[str, float]:
+    """What one candidate (G,) of the unit box measures, in SI units unless a name ends in _deg or _bw."""
+    evaluation = problem.evaluate(genes.unsqueeze(0), with_grad=False)
+    with torch.no_grad():
+        trajectory = problem.trajectory(genes.unsqueeze(0))
+    motion = problem.motion(genes, MEASURING_FPS)
+    terms = {name: float(value) for name, value in evaluation.terms.items()}
+    step_time = float(costs.step_time(trajectory))
+    guard = problem.settings.gamma_guard
+    return {
+        "speed": problem.speed,
+        "beta": problem.beta,
+        "froude": problem.froude,
+        "cost": float(evaluation.cost),
+        "eval": terms["eval"],
+        "gamma": terms["gamma"],
+        "gamma_smooth": float(costs.connectivity(trajectory, "smooth", guard)),
+        "gamma_ratio": float(costs.connectivity(trajectory, "ratio", guard)),
+        "energy_rate": terms["energy"],
+        "energy_rate_raw": terms["energy_raw"],
+        "energy_unit": problem.ordinary.energy_unit,
+        "energy_target": costs.energy_target(problem.beta),
+        **{f"cost_{name}": terms[name] for name in ("energy_match", "leg_force", "style", "posture", "ordinary")},
+        "contact_time": float(trajectory.contact_time),
+        "flight_time": float(trajectory.flight_time),
+        "flight_share": float(trajectory.flight_time) / step_time,
+        "step_frequency": 1.0 / step_time,
+        "step_length": float(costs.step_length(trajectory)),
+        "stride_time": 2.0 * step_time,
+        "duty_factor": float(trajectory.contact_time) / (2.0 * step_time),
+        **motion_metrics(motion),
+        "arm_swing_deg": math.degrees(float(costs.arm_swing(trajectory))),
+        "stance_leg_reach": float(trajectory.reach),
+        "joint_limit_excess_deg": _joint_excess(problem, trajectory),
+    }
+
+
+def motion_metrics(motion: Motion) -> dict[str, float]:
+    """What can be read off the finished frames alone."""
+    stance = motion.contact[:, 0]
+    knee = motion.angles["left_knee"]
+    height = motion.com[:-1, 1]
+    return {
+        "com_oscillation": float(height.max() - height.min()),
+        "peak_leg_force_bw": float(motion.leg_force.max()),
+        "knee_touchdown_deg": math.degrees(float(knee[0])),
+        "knee_stance_max_deg": math.degrees(float(knee[stance].max())),
+        "knee_swing_max_deg": math.degrees(float(knee[~stance].max())),
+        "trunk_lean_deg": math.degrees(float(motion.angles["trunk"][:-1].mean())),
+        "stance_foot_drift": stance_foot_drift(motion),
+        "min_foot_clearance": float(motion.feet[..., 1].min()),
+        "loop_error": loop_error(motion),
+    }
+
+
+def stance_foot_drift(motion: Motion) -> float:
+    """Farthest that a standing foot gets from where it touched down [m]."""
+    drift = 0.0
+    for phase in motion.phases:
+        if phase.kind == "stance":
+            side = ("left", "right").index(phase.side)
+            inside = (motion.times >= phase.start - 1e-9) & (motion.times <= phase.end + 1e-9)
+            feet = motion.feet[inside, side]
+            if len(feet):
+                drift = max(drift, float((feet - feet[0]).norm(dim=-1).max()))
+    return drift
+
+
+def loop_error(motion: Motion) -> float:
+    """Largest difference between first and last frame, travel aside: joint angles [rad] and root position [m]."""
+    clip = motion.clip
+    between = clip.rotations[0].transpose(-1, -2) @ clip.rotations[-1]
+    # |R - R^T| / sqrt(8) is the sine of the angle, exact where the trace formula loses its digits.
+    sine = (between - between.transpose(-1, -2)).flatten(1).norm(dim=-1) / math.sqrt(8.0)
+    root = clip.root_position[-1] - clip.root_position[0]
+    return max(float(torch.asin(sine.clamp(max=1.0)).max()), float(root[:2].abs().max()))
+
+
+def _joint_excess(problem: RunProblem, trajectory: Trajectory) -> float:
+    excess = costs.excesses(trajectory, problem.character, problem.settings.limits)
+    return math.degrees(max(float(excess[costs.Status.JOINT_LIMIT]) * costs.JOINT_LIMIT_SCALE, 0.0))
