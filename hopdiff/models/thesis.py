@@ -220,7 +220,7 @@ class ThesisModel:
         stance = int(f.stance_count[0])
         turn = slice(0, used)
         pieces = []
-        for k in range(2 * (self.strides + 1)):
+        for k in range(2 * (self.strides + 1) + 1):
             swapped = torch.full((1, used), k % 2 == 1)
             pieces.append(mirror({name: values[:, turn] for name, values in f.base.items()}, swapped))
         base = {name: torch.cat([piece[name] for piece in pieces], dim=-1) for name in pieces[0]}
@@ -235,7 +235,8 @@ class ThesisModel:
         force = f.cycle.leg_force_bw((f.hops.forward - f.hops.foot)[:, turn], f.hops.height[:, turn]).clamp_min(0.0)
         force = torch.where(f.hops.in_flight[:, turn], torch.zeros_like(force), force).repeat(1, steps)
         first = 2 * self.strides * used
-        closing = {name: self._closed(values[0], first, used) for name, values in channels.items()}
+        # One frame more than the stride: the frame at which the next one begins.
+        kept = slice(first, first + 2 * used + 1)
 
         def curve(values: Tensor, times: Tensor) -> Tensor:
             position = (times / self.step).clamp(0.0, 2.0 * used)
@@ -244,12 +245,11 @@ class ThesisModel:
             return values[below] * (1.0 - share) + values[below + 1] * share
 
         def sample(times: Tensor) -> Pose:
-            target = torch.stack((self._closed(side[0], first, used), self._closed(forward[0], first, used)), dim=-1)
             return Pose(
-                {name: curve(values, times) for name, values in closing.items()},
-                curve(self._closed(height[0], first, used), times),
-                torch.stack([curve(target[:, axis], times) for axis in range(2)], dim=-1),
-                curve(self._closed(force[0], first, used), times),
+                {name: curve(values[0, kept], times) for name, values in channels.items()},
+                curve(height[0, kept], times),
+                torch.stack([curve(values[0, kept], times) for values in (side, forward)], dim=-1),
+                curve(force[0, kept], times),
             )
 
         return finish_stride(
@@ -261,9 +261,3 @@ class ThesisModel:
             fps,
             speed,
         )
-
-    @staticmethod
-    def _closed(values: Tensor, first: int, used: int) -> Tensor:
-        """Frames of the last stride (2 used + 1,), its first frame repeated at the end to close the loop."""
-        stride = values[first : first + 2 * used]
-        return torch.cat((stride, stride[:1]))
