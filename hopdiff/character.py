@@ -159,17 +159,20 @@ class Character:
             if not torch.allclose(left * torch.tensor([-1.0, 1.0, 1.0]), right, atol=1e-9):
                 raise HopdiffError(f"{where}: left_{joint} and right_{joint} must mirror each other.")
         limits = _limits(settings.joint_limits_deg, where)
-        tensors = (masses, coms, _distal_inertia(skeleton, masses, coms, gyration))
+        inertias = _distal_inertia(skeleton, masses, coms, gyration)
+        ends = {name: point.to(device, dtype) for name, point in ends.items()}
         return cls(
-            settings.name,
-            scale,
-            float(settings.mass),
-            Skeleton(skeleton.names, parents, offsets.to(device, dtype), {k: v.to(device, dtype) for k, v in ends.items()}),
-            *(t.to(device, dtype) for t in tensors),
-            limits,
-            thigh,
-            shank,
-            half_width,
+            name=settings.name,
+            height=scale,
+            mass=float(settings.mass),
+            skeleton=Skeleton(skeleton.names, parents, offsets.to(device, dtype), ends),
+            masses=masses.to(device, dtype),
+            coms=coms.to(device, dtype),
+            inertias=inertias.to(device, dtype),
+            limits=limits,
+            thigh=thigh,
+            shank=shank,
+            hip_half_width=half_width,
         )
 
     def rotations(self, channels: dict[str, Tensor]) -> Tensor:
@@ -208,7 +211,9 @@ class Character:
             )
             parts[f"{side}_elbow"] = axis_rotation("X", -channels[f"{side}_elbow"])
             parts[f"{side}_hip"] = (
-                to_pelvis @ axis_rotation("Z", channels[f"{side}_tilt"]) @ axis_rotation("X", -channels[f"{side}_thigh"])
+                to_pelvis
+                @ axis_rotation("Z", channels[f"{side}_tilt"])
+                @ axis_rotation("X", -channels[f"{side}_thigh"])
             )
             parts[f"{side}_knee"] = axis_rotation("X", channels[f"{side}_knee"])
         return torch.stack([parts[name] for name in self.skeleton.names], dim=-3)

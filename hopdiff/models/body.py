@@ -7,7 +7,7 @@ component. `Character.rotations` with `Skeleton.forward` gives the same points a
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -15,11 +15,10 @@ from torch import Tensor
 from hopdiff.character import Character
 from hopdiff.physics.legs import knee_offset, leg_reach
 
-Vector = tuple[Tensor | float, Tensor | float, Tensor | float]  # left, up, forward
+Vector = tuple[Any, Any, Any]  # left, up, forward: tensors, or floats for what is fixed in the body
 
 # Channels that change sign in the mirror image; the others are the same, with left and right swapped.
 _SIGNED = ("pelvis_roll", "pelvis_yaw", "trunk_side", "trunk_yaw", "neck_side", "left_tilt", "right_tilt")
-UPPER_CHANNELS = ("trunk_lean", "trunk_side", "neck_flex", "neck_side")
 
 
 def upper_channels(
@@ -61,7 +60,6 @@ class _Moments(NamedTuple):
     forearm: tuple[float, float, float]
     thigh: tuple[float, float, float]
     shank: tuple[float, float, float]
-    leg_mass: float
 
 
 @lru_cache(maxsize=32)
@@ -79,7 +77,8 @@ def _moments(character: Character) -> _Moments:
     vectors = (
         own("pelvis"),
         upper * offset[i("waist")],
-        own("waist") + share[i("neck")] * offset[i("neck")]
+        own("waist")
+        + share[i("neck")] * offset[i("neck")]
         # Left and right shoulder mirror each other: their sideways parts cancel.
         + arm_mass * (offset[i("left_shoulder")] + offset[i("right_shoulder")]),
         own("neck"),
@@ -88,8 +87,7 @@ def _moments(character: Character) -> _Moments:
         own("left_hip") + share[i("left_knee")] * offset[i("left_knee")],
         own("left_knee"),
     )
-    leg_mass = float(share[i("left_hip")] + share[i("left_knee")])
-    return _Moments(*((float(v[0]), float(v[1]), float(v[2])) for v in vectors), leg_mass)
+    return _Moments(*((float(v[0]), float(v[1]), float(v[2])) for v in vectors))
 
 
 class Turn(NamedTuple):
@@ -164,8 +162,7 @@ def sway_sensitivity(character: Character, genes: dict[str, Tensor]) -> tuple[Te
     """
     m = _moments(character)
     arm = -2.0 * (m.upper_arm[1] + m.forearm[1])
-    shoulders = 2.0 * (m.upper_arm[1] + m.forearm[1])
-    trunk = m.trunk[1] + m.neck[1] + shoulders
+    trunk = m.trunk[1] + m.neck[1] - arm
     forward = (
         genes["eta_trunk_lean"] * trunk
         + genes["eta_neck_flex"] * m.neck[1]

@@ -117,7 +117,9 @@ class SmoothModel:
         """Left leg pose and reach at stance phases x (P, M) for HIP heights (P, M)."""
         hip = hip_joint(self.character, pelvis, "left")
         foot = (0.5 * genes["step_width"].unsqueeze(-1), -height, -cycle.stance_forward(x))
-        return leg_pose(foot[0] - hip[0], foot[1] - hip[1], foot[2] - hip[2], self.character.thigh, self.character.shank)
+        return leg_pose(
+            foot[0] - hip[0], foot[1] - hip[1], foot[2] - hip[2], self.character.thigh, self.character.shank
+        )
 
     def _pelvis(self, genes: dict[str, Tensor], cycle: Cycle, time: Tensor) -> dict[str, Tensor]:
         """Pelvis and trunk attitudes that swing once a stride, at times (P, M) since left touchdown."""

@@ -35,8 +35,8 @@ class Frames(NamedTuple):
     target_side: Tensor
     target_forward: Tensor
     reach: Tensor
-    stance_count: Tensor
-    count: Tensor
+    stance_frames: Tensor
+    step_frames: Tensor
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,7 @@ class ThesisModel:
         forward = torch.where(hops.in_flight, half * takeoff, hops.foot - hops.forward) + g["com_lead"].unsqueeze(-1)
         times = torch.arange(hops.phase.shape[-1], dtype=speed.dtype, device=speed.device) * self.step
         duration = (count.clamp_min(1).to(speed) * self.step).unsqueeze(-1)
-        return Frames(
-            cycle, hops, base, math.pi * times / duration, side, forward, reach, stance_count, count
-        )
+        return Frames(cycle, hops, base, math.pi * times / duration, side, forward, reach, stance_count, count)
 
     def _base(self, g: dict[str, Tensor], cycle: Cycle, hops: Hops) -> tuple[dict[str, Tensor], Tensor]:
         """Pelvis and leg channels (P, F); the pelvis of the thesis does not turn."""
@@ -145,7 +143,10 @@ class ThesisModel:
             upper = upper_channels(genes, stride_phase[:, here], forward, side, speed)
             high = upper_centre(self.character, {**upper, "trunk_yaw": base["trunk_yaw"][:, here]})
             error = torch.stack(
-                (target[0][:, frame] - (low[0][:, frame] + high[0][:, 0]), target[1][:, frame] - (low[2][:, frame] + high[2][:, 0])),
+                (
+                    target[0][:, frame] - (low[0][:, frame] + high[0][:, 0]),
+                    target[1][:, frame] - (low[2][:, frame] + high[2][:, 0]),
+                ),
                 dim=-1,
             )
             columns.append(upper)
@@ -171,8 +172,8 @@ class ThesisModel:
         accelerations = torch.cat((inner[:, :1], inner, inner[:, -1:]), dim=1)
         # The rows next to take-off mix stance and flight: each takes over its own side's neighbour.
         frame = torch.arange(angles.shape[1], device=angles.device)
-        last = f.stance_count.clamp_min(3) - 1
-        final = f.count.clamp_min(5) - 1
+        last = f.stance_frames.clamp_min(3) - 1
+        final = f.step_frames.clamp_min(5) - 1
         near = frame.expand(speed.shape[0], -1)
         near = torch.where(near == last[:, None], near - 1, torch.where(near == last[:, None] + 1, near + 1, near))
         near = torch.minimum(near, (final - 1)[:, None]).clamp(1, angles.shape[1] - 2)
@@ -188,7 +189,9 @@ class ThesisModel:
         used = f.hops.alive
         force = f.cycle.leg_force_bw(f.hops.forward - f.hops.foot, f.hops.height)
         # A finished step ends in a frame of the next hop; one that fell or was cut off does not.
-        complete = f.cycle.converged & (f.hops.hop[:, -1] > 0) & (f.stance_count > 3) & (f.count > f.stance_count + 2)
+        complete = (
+            f.cycle.converged & (f.hops.hop[:, -1] > 0) & (f.stance_frames > 3) & (f.step_frames > f.stance_frames + 2)
+        )
         return Trajectory(
             weights=used.to(speed) * self.step,
             angles=angles,
@@ -203,8 +206,8 @@ class ThesisModel:
             leg_force=torch.where(f.hops.in_flight, torch.zeros_like(force), force),
             reach=f.reach,
             pelvis_tilt=genes["pelvis_tilt"],
-            contact_time=f.stance_count.to(speed) * self.step,
-            flight_time=(f.count - f.stance_count).to(speed) * self.step,
+            contact_time=f.stance_frames.to(speed) * self.step,
+            flight_time=(f.step_frames - f.stance_frames).to(speed) * self.step,
             speed=speed,
             sway_stiffness=sway_sensitivity(self.character, genes)[0] / speed,
             solved=complete,
@@ -216,8 +219,8 @@ class ThesisModel:
         The step of the hopper is repeated; a balance that has not settled shows as a gap between first and last frame.
         """
         f = self.frames(genes, speed)
-        used = int(f.count[0])
-        stance = int(f.stance_count[0])
+        used = int(f.step_frames[0])
+        stance = int(f.stance_frames[0])
         turn = slice(0, used)
         pieces = []
         for k in range(2 * (self.strides + 1) + 1):

@@ -107,15 +107,19 @@ def solve_cycle(
     dtype = leg_length.dtype
     given = flight_time if flight_time is not None else stiffness
     assert given is not None
-    length, angle, pace, given = (x.double() for x in torch.broadcast_tensors(leg_length, touchdown_angle, speed, given))
+    length, angle, pace, given = (
+        x.double() for x in torch.broadcast_tensors(leg_length, touchdown_angle, speed, given)
+    )
     half_time = length * torch.sin(angle) / pace
     contact_time = 2.0 * half_time
     # Lengths in units of l, times in units of half the contact time.
     gravity = GRAVITY * half_time**2 / length
+    known_rate: Tensor | None = None
+    known_push: Tensor | None = None
     if flight_time is not None:
-        known_rate, known_push = -0.5 * GRAVITY * given * half_time / length, None
+        known_rate = -0.5 * GRAVITY * given * half_time / length
     else:
-        known_rate, known_push = None, given * half_time**2
+        known_push = given * half_time**2
 
     nodes = chebyshev_nodes(STANCE_NODES, torch.float64, length.device)
     first = differentiation_matrix(STANCE_NODES, torch.float64, length.device)
@@ -128,7 +132,10 @@ def solve_cycle(
         motion = height @ second.T + gravity.unsqueeze(-1) - push.unsqueeze(-1) * stretch * height
         start = height[:, 0] - torch.cos(angle)
         middle = height @ first[-1]
-        known = height @ first[0] - known_rate if known_rate is not None else push - known_push
+        if known_rate is not None:
+            known = height @ first[0] - known_rate
+        else:
+            known = push - known_push
         return torch.cat((start.unsqueeze(-1), motion[:, 1:-1], middle.unsqueeze(-1), known.unsqueeze(-1)), dim=-1)
 
     def jacobian(height: Tensor, push: Tensor) -> Tensor:
@@ -152,10 +159,11 @@ def solve_cycle(
     with torch.no_grad():
         height, push = _first_guess(angle, gravity, contact_time, flight_time, known_rate, known_push, forward, nodes)
         for _ in range(NEWTON_STEPS):
-            step = torch.linalg.solve(jacobian(height, push), residual(height, push))
+            step = _solve(jacobian(height, push), residual(height, push))
             # A step that would throw HIP through the ground or turn the spring round is shortened.
             limit = torch.minimum(
-                (0.5 * height / step[:, :-1].abs().clamp_min(1e-30)).amin(-1), 0.7 * push / step[:, -1].abs().clamp_min(1e-30)
+                (0.5 * height / step[:, :-1].abs().clamp_min(1e-30)).amin(-1),
+                0.7 * push / step[:, -1].abs().clamp_min(1e-30),
             ).clamp(max=1.0)
             height = height - limit.unsqueeze(-1) * step[:, :-1]
             push = push - limit * step[:, -1]
@@ -166,19 +174,19 @@ def solve_cycle(
         push = torch.where(converged, push, torch.ones_like(push))
         matrix = jacobian(height, push)
     # Where nothing converged there is no gradient to carry.
-    correction = torch.linalg.solve(matrix, residual(height, push)) * converged.unsqueeze(-1)
+    correction = _solve(matrix, residual(height, push)) * converged.unsqueeze(-1)
     height = height - correction[:, :-1]
     push = push - correction[:, -1]
 
     rate = (height @ first[0]) * length / half_time
     flight = given if flight_time is not None else -2.0 * rate / GRAVITY
-    return Cycle(
-        *(
-            x.to(dtype)
-            for x in (length, angle, pace, contact_time, flight, push / half_time**2, rate, height * length.unsqueeze(-1))
-        ),
-        converged,
-    )
+    numbers = (length, angle, pace, contact_time, flight, push / half_time**2, rate, height * length.unsqueeze(-1))
+    return Cycle(*(x.to(dtype) for x in numbers), converged=converged)
+
+
+def _solve(matrix: Tensor, right: Tensor) -> Tensor:
+    """Batched linear solve that gives numbers that are not finite for a singular member, and raises nothing."""
+    return torch.linalg.solve_ex(matrix, right.unsqueeze(-1))[0].squeeze(-1)
 
 
 def _first_guess(
@@ -196,7 +204,9 @@ def _first_guess(
         assert known_push is not None
         # A linear spring of this push swings with frequency sqrt(push); from its half period the rate follows.
         omega = torch.sqrt(known_push)
-        known_rate = -(gravity / omega) * torch.tan((omega - 0.5 * torch.pi).clamp(0.05, 1.3)).reciprocal().clamp(0.1, 5.0)
+        known_rate = -(gravity / omega) * torch.tan((omega - 0.5 * torch.pi).clamp(0.05, 1.3)).reciprocal().clamp(
+            0.1, 5.0
+        )
     depth = (-known_rate * 2.0 / torch.pi).clamp(max=0.6)
     height = torch.cos(angle).unsqueeze(-1) - depth.unsqueeze(-1) * torch.sin(0.5 * torch.pi * nodes)
     if known_push is not None:

@@ -79,7 +79,10 @@ def end_rates(values: Tensor, duration: Tensor) -> tuple[Tensor, Tensor]:
 class Swing(NamedTuple):
     """The leg through the air, from its take-off to its next touchdown; every curve is analytic in time.
 
-    contact, flight: phase durations (P,) [s]. alpha: peak time of the leg angle before touchdown, see flight_alpha. The remaining fields are coefficients of the curves (P,).
+    All fields are columns (P, 1), so that they meet phases (P, M). contact, flight: phase durations [s].
+    alpha: peak time of the leg angle before touchdown, see flight_alpha. knees: flexion at take-off, at the other
+    foot's touchdown, half-way through its stance, at its take-off, at touchdown, and their rates. *_power: how fast
+    the rates that the stance leaves and asks for fade into the air.
     """
 
     contact: Tensor
@@ -101,45 +104,32 @@ class Swing(NamedTuple):
 
     def first_flight(self, x: Tensor) -> LegPose:
         """Pose at shares x (P, M) of the flight after take-off."""
-        c = _Column(self)
-        angle = hermite(x, c.start.angle, c.angle_start, torch.zeros_like(c.flight), c.angle_start_rate, c.flight)
-        angle = angle + _transient(x, c.start_rate.angle, c.flight, c.trail_power)
-        knee = hermite(x, c.knees[0], c.knees[1], c.knee_rates[0], c.knee_rates[1], c.flight)
-        knee = knee + _transient(x, c.start_rate.knee, c.flight, c.follow_power)
-        return LegPose(angle, knee, self._tilt(c, x * c.flight))
+        still = torch.zeros_like(self.flight)
+        angle = hermite(x, self.start.angle, self.angle_start, still, self.angle_start_rate, self.flight)
+        angle = angle + _transient(x, self.start_rate.angle, self.flight, self.trail_power)
+        knee = hermite(x, *self.knees[:2], *self.knee_rates[:2], self.flight)
+        knee = knee + _transient(x, self.start_rate.knee, self.flight, self.follow_power)
+        return LegPose(angle, knee, self._tilt(x * self.flight))
 
     def swing(self, x: Tensor) -> LegPose:
         """Pose at shares x (P, M) of the other leg's stance."""
-        c = _Column(self)
-        angle = hermite(x, c.angle_start, c.angle_end, c.angle_start_rate, c.angle_end_rate, c.contact)
-        half = 0.5 * c.contact
-        early = hermite((2.0 * x).clamp(max=1.0), c.knees[1], c.knees[2], c.knee_rates[1], c.knee_rates[2], half)
-        late = hermite((2.0 * x - 1.0).clamp(min=0.0), c.knees[2], c.knees[3], c.knee_rates[2], c.knee_rates[3], half)
-        return LegPose(angle, torch.where(x < 0.5, early, late), self._tilt(c, c.flight + x * c.contact))
+        angle = hermite(x, self.angle_start, self.angle_end, self.angle_start_rate, self.angle_end_rate, self.contact)
+        half = 0.5 * self.contact
+        early = hermite((2.0 * x).clamp(max=1.0), *self.knees[1:3], *self.knee_rates[1:3], half)
+        late = hermite((2.0 * x - 1.0).clamp(min=0.0), *self.knees[2:4], *self.knee_rates[2:4], half)
+        return LegPose(angle, torch.where(x < 0.5, early, late), self._tilt(self.flight + x * self.contact))
 
     def last_flight(self, x: Tensor) -> LegPose:
         """Pose at shares x (P, M) of the flight before touchdown."""
-        c = _Column(self)
-        # Equation (6) of Kang (1999): a parabola in time whose extremum lies at alpha T.
-        angle = hermite(x, c.angle_end, c.end.angle, c.angle_end_rate, c.end_rate.angle, c.flight)
-        knee = hermite(x, c.knees[3], c.knees[4], c.knee_rates[3], c.knee_rates[4], c.flight)
-        knee = knee + _transient(1.0 - x, -c.end_rate.knee, c.flight, c.reach_power)
-        return LegPose(angle, knee, self._tilt(c, c.flight + c.contact + x * c.flight))
+        # Equation (6) of Kang (1999): this cubic is the parabola in time whose extremum lies at alpha T.
+        angle = hermite(x, self.angle_end, self.end.angle, self.angle_end_rate, self.end_rate.angle, self.flight)
+        knee = hermite(x, *self.knees[3:], *self.knee_rates[3:], self.flight)
+        knee = knee + _transient(1.0 - x, -self.end_rate.knee, self.flight, self.reach_power)
+        return LegPose(angle, knee, self._tilt(self.flight + self.contact + x * self.flight))
 
-    def _tilt(self, c: Swing, time: Tensor) -> Tensor:
-        whole = 2.0 * c.flight + c.contact
-        return hermite(time / whole, c.start.tilt, c.end.tilt, c.start_rate.tilt, c.end_rate.tilt, whole)
-
-
-def _Column(swing: Swing) -> Swing:  # noqa: N802 - reads as a cast
-    """The same swing with every (P,) tensor as a (P, 1) column."""
-
-    def column(x: Tensor | tuple) -> Tensor | tuple:
-        if isinstance(x, Tensor):
-            return x.unsqueeze(-1)
-        return LegPose(*map(column, x)) if isinstance(x, LegPose) else tuple(map(column, x))
-
-    return Swing(*(column(x) for x in swing))
+    def _tilt(self, time: Tensor) -> Tensor:
+        whole = 2.0 * self.flight + self.contact
+        return hermite(time / whole, self.start.tilt, self.end.tilt, self.start_rate.tilt, self.end_rate.tilt, whole)
 
 
 def _transient(x: Tensor, rate: Tensor, duration: Tensor, power: Tensor) -> Tensor:
@@ -178,10 +168,15 @@ def make_swing(
     thigh: float,
     shank: float,
 ) -> Swing:
-    """Curves through the air between the pose at take-off (start) and at touchdown (end); all (P,).
+    """Curves through the air between the pose at take-off (start) and at touchdown (end); all arguments (P,).
 
     hip_height: of the swinging leg's hip joint when the other foot takes off [m].
     """
+    contact, flight, hip_height = (x.unsqueeze(-1) for x in (contact, flight, hip_height))
+    start, start_rate, end, end_rate = (
+        LegPose(*(x.unsqueeze(-1) for x in pose)) for pose in (start, start_rate, end, end_rate)
+    )
+    genes = SwingGenes(*(x.unsqueeze(-1) for x in genes))
     alpha = flight_alpha(genes.reach, end_rate.angle, flight)
     angle_end = end.angle - genes.reach
     angle_end_rate = -end_rate.angle * alpha / (1.0 - alpha)
@@ -190,9 +185,9 @@ def make_swing(
     # The rate at the inner knot that makes the two cubics share their curvature.
     slope_1 = (genes.angle_start - start.angle) / flight
     slope_2 = (angle_end - genes.angle_start) / contact
-    angle_start_rate = (
-        3.0 * (contact * slope_1 + flight * slope_2) - flight * angle_end_rate
-    ) / (2.0 * (contact + flight))
+    angle_start_rate = (3.0 * (contact * slope_1 + flight * slope_2) - flight * angle_end_rate) / (
+        2.0 * (contact + flight)
+    )
     knees = (start.knee, genes.knee_start, genes.knee_middle, knee_end, end.knee)
     return Swing(
         contact,

@@ -68,9 +68,7 @@ def step_hopper(
     for _ in range(max_frames):
         stance_phase = ((forward - foot + reach) / (2.0 * reach)).clamp(0.0, 1.0)
         phase = torch.where(in_flight, time / duration.clamp_min(1e-9), stance_phase)
-        frames.append(
-            (forward, height, foot, hop, in_flight, phase, takeoff_forward, takeoff_height, duration, alive)
-        )
+        frames.append((forward, height, foot, hop, in_flight, phase, takeoff_forward, takeoff_height, duration, alive))
         if not bool(alive.any()):
             break
         length = safe_sqrt((forward - foot) ** 2 + height**2)
