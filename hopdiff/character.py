@@ -8,7 +8,7 @@ and knee. In the rest pose the body stands straight with hanging arms, faces +z,
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Optional
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -51,9 +51,9 @@ class SegmentSettings:
 class JointSettings:
     """One joint. offset: position in the parent's frame [body heights]; end: end point if it has no children."""
 
-    parent: Optional[str] = None
+    parent: str | None = None
     offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    end: Optional[list[float]] = None
+    end: list[float] | None = None
     segment: SegmentSettings = field(default_factory=SegmentSettings)
 
 

@@ -6,6 +6,7 @@ number, so that one table serves every speed and every leg length; between the e
 constant. Searches see the unit box [0, 1]^G only.
 """
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -152,7 +153,7 @@ def _at_froude(entry: Any, froude: float, where: str) -> float:
             raise HopdiffError(f"{where} is an empty table.")
         if froude <= points[0][0]:
             return points[0][1]
-        for (x0, y0), (x1, y1) in zip(points[:-1], points[1:], strict=True):
+        for (x0, y0), (x1, y1) in itertools.pairwise(points):
             if froude <= x1:
                 return y0 + (y1 - y0) * (froude - x0) / (x1 - x0)
         return points[-1][1]

@@ -55,7 +55,7 @@ class ThesisModel:
         flight = contact * (0.5 / g["duty_factor"] - 1.0)
         cycle = solve_cycle(length, g["touchdown_angle"], speed, flight_time=flight)
         # A step that takes half as long again as the periodic one has lost its cycle.
-        longest = int(math.ceil(1.5 * float(torch.nan_to_num((contact + flight).detach()).max()) / self.step)) + 2
+        longest = math.ceil(1.5 * float(torch.nan_to_num((contact + flight).detach()).max()) / self.step) + 2
         hops = step_hopper(
             length, g["touchdown_angle"], speed, cycle.stiffness, cycle.touchdown_rate, self.step, 1, longest
         )

@@ -114,12 +114,9 @@ def solve_cycle(
     contact_time = 2.0 * half_time
     # Lengths in units of l, times in units of half the contact time.
     gravity = GRAVITY * half_time**2 / length
-    known_rate: Tensor | None = None
-    known_push: Tensor | None = None
-    if flight_time is not None:
-        known_rate = -0.5 * GRAVITY * given * half_time / length
-    else:
-        known_push = given * half_time**2
+    # What is given fixes the rate at touchdown or the push of the spring.
+    by_rate = flight_time is not None
+    known = -0.5 * GRAVITY * given * half_time / length if by_rate else given * half_time**2
 
     nodes = chebyshev_nodes(STANCE_NODES, torch.float64, length.device)
     first = differentiation_matrix(STANCE_NODES, torch.float64, length.device)
@@ -132,11 +129,8 @@ def solve_cycle(
         motion = height @ second.T + gravity.unsqueeze(-1) - push.unsqueeze(-1) * stretch * height
         start = height[:, 0] - torch.cos(angle)
         middle = height @ first[-1]
-        if known_rate is not None:
-            known = height @ first[0] - known_rate
-        else:
-            known = push - known_push
-        return torch.cat((start.unsqueeze(-1), motion[:, 1:-1], middle.unsqueeze(-1), known.unsqueeze(-1)), dim=-1)
+        excess = (height @ first[0] if by_rate else push) - known
+        return torch.cat((start.unsqueeze(-1), motion[:, 1:-1], middle.unsqueeze(-1), excess.unsqueeze(-1)), dim=-1)
 
     def jacobian(height: Tensor, push: Tensor) -> Tensor:
         n = STANCE_NODES
@@ -150,14 +144,14 @@ def solve_cycle(
         matrix[:, inner, inner] -= slope[:, 1:-1]
         matrix[:, 1 : n - 1, n] = -((inverse - 1.0) * height)[:, 1:-1]
         matrix[:, n - 1, :n] = first[-1]
-        if known_rate is not None:
+        if by_rate:
             matrix[:, n, :n] = first[0]
         else:
             matrix[:, n, n] = 1.0
         return matrix
 
     with torch.no_grad():
-        height, push = _first_guess(angle, gravity, contact_time, flight_time, known_rate, known_push, forward, nodes)
+        height, push = _first_guess(angle, gravity, forward, nodes, known, by_rate)
         for _ in range(NEWTON_STEPS):
             step = _solve(jacobian(height, push), residual(height, push))
             # A step that would throw HIP through the ground or turn the spring round is shortened.
@@ -179,9 +173,18 @@ def solve_cycle(
     push = push - correction[:, -1]
 
     rate = (height @ first[0]) * length / half_time
-    flight = given if flight_time is not None else -2.0 * rate / GRAVITY
-    numbers = (length, angle, pace, contact_time, flight, push / half_time**2, rate, height * length.unsqueeze(-1))
-    return Cycle(*(x.to(dtype) for x in numbers), converged=converged)
+    flight = given if by_rate else -2.0 * rate / GRAVITY
+    return Cycle(
+        leg_length=length.to(dtype),
+        touchdown_angle=angle.to(dtype),
+        speed=pace.to(dtype),
+        contact_time=contact_time.to(dtype),
+        flight_time=flight.to(dtype),
+        stiffness=(push / half_time**2).to(dtype),
+        touchdown_rate=rate.to(dtype),
+        half_stance=(height * length.unsqueeze(-1)).to(dtype),
+        converged=converged,
+    )
 
 
 def _solve(matrix: Tensor, right: Tensor) -> Tensor:
@@ -190,27 +193,19 @@ def _solve(matrix: Tensor, right: Tensor) -> Tensor:
 
 
 def _first_guess(
-    angle: Tensor,
-    gravity: Tensor,
-    contact_time: Tensor,
-    flight_time: Tensor | None,
-    known_rate: Tensor | None,
-    known_push: Tensor | None,
-    forward: Tensor,
-    nodes: Tensor,
+    angle: Tensor, gravity: Tensor, forward: Tensor, nodes: Tensor, known: Tensor, by_rate: bool
 ) -> tuple[Tensor, Tensor]:
     """A quarter sine of height that fits the touchdown rate, and the spring that carries the mean force."""
-    if known_rate is None:
-        assert known_push is not None
+    if by_rate:
+        rate = known
+    else:
         # A linear spring of this push swings with frequency sqrt(push); from its half period the rate follows.
-        omega = torch.sqrt(known_push)
-        known_rate = -(gravity / omega) * torch.tan((omega - 0.5 * torch.pi).clamp(0.05, 1.3)).reciprocal().clamp(
-            0.1, 5.0
-        )
-    depth = (-known_rate * 2.0 / torch.pi).clamp(max=0.6)
+        omega = torch.sqrt(known)
+        beyond = torch.tan((omega - 0.5 * torch.pi).clamp(0.05, 1.3))
+        rate = -(gravity / omega) * beyond.reciprocal().clamp(0.1, 5.0)
+    depth = (-rate * 2.0 / torch.pi).clamp(max=0.6)
     height = torch.cos(angle).unsqueeze(-1) - depth.unsqueeze(-1) * torch.sin(0.5 * torch.pi * nodes)
-    if known_push is not None:
-        return height, known_push.clone()
+    if not by_rate:
+        return height, known.clone()
     pull = (1.0 / torch.sqrt(forward**2 + height**2) - 1.0) * height
-    mean_pull = (pull.mean(-1)).clamp_min(1e-3)
-    return height, (gravity - known_rate) / mean_pull
+    return height, (gravity - rate) / pull.mean(-1).clamp_min(1e-3)

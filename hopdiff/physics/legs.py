@@ -107,7 +107,7 @@ class Swing(NamedTuple):
         still = torch.zeros_like(self.flight)
         angle = hermite(x, self.start.angle, self.angle_start, still, self.angle_start_rate, self.flight)
         angle = angle + _transient(x, self.start_rate.angle, self.flight, self.trail_power)
-        knee = hermite(x, *self.knees[:2], *self.knee_rates[:2], self.flight)
+        knee = self._knee(0, x, self.flight)
         knee = knee + _transient(x, self.start_rate.knee, self.flight, self.follow_power)
         return LegPose(angle, knee, self._tilt(x * self.flight))
 
@@ -115,17 +115,21 @@ class Swing(NamedTuple):
         """Pose at shares x (P, M) of the other leg's stance."""
         angle = hermite(x, self.angle_start, self.angle_end, self.angle_start_rate, self.angle_end_rate, self.contact)
         half = 0.5 * self.contact
-        early = hermite((2.0 * x).clamp(max=1.0), *self.knees[1:3], *self.knee_rates[1:3], half)
-        late = hermite((2.0 * x - 1.0).clamp(min=0.0), *self.knees[2:4], *self.knee_rates[2:4], half)
+        early = self._knee(1, (2.0 * x).clamp(max=1.0), half)
+        late = self._knee(2, (2.0 * x - 1.0).clamp(min=0.0), half)
         return LegPose(angle, torch.where(x < 0.5, early, late), self._tilt(self.flight + x * self.contact))
 
     def last_flight(self, x: Tensor) -> LegPose:
         """Pose at shares x (P, M) of the flight before touchdown."""
         # Equation (6) of Kang (1999): this cubic is the parabola in time whose extremum lies at alpha T.
         angle = hermite(x, self.angle_end, self.end.angle, self.angle_end_rate, self.end_rate.angle, self.flight)
-        knee = hermite(x, *self.knees[3:], *self.knee_rates[3:], self.flight)
+        knee = self._knee(3, x, self.flight)
         knee = knee + _transient(1.0 - x, -self.end_rate.knee, self.flight, self.reach_power)
         return LegPose(angle, knee, self._tilt(self.flight + self.contact + x * self.flight))
+
+    def _knee(self, i: int, x: Tensor, duration: Tensor) -> Tensor:
+        """Piece i of the knee's spline."""
+        return hermite(x, self.knees[i], self.knees[i + 1], self.knee_rates[i], self.knee_rates[i + 1], duration)
 
     def _tilt(self, time: Tensor) -> Tensor:
         whole = 2.0 * self.flight + self.contact
