@@ -13,6 +13,7 @@ from torch import Tensor
 ARMIJO = 1e-4  # share of the promised fall that a step must bring
 POWELL = 0.2  # share of the model's curvature that an update keeps at least
 BACKTRACKS = 12  # trials of one step before the model is thrown away
+PASSES = 8  # rounds, at most, of finding out which genes end on a bound
 
 
 class Bfgs(NamedTuple):
@@ -21,7 +22,7 @@ class Bfgs(NamedTuple):
     age: (P,) steps since the Hessian was last set back; -1 before the first evaluation. misses: (P,) failed trials of
     the present step. idle: (P,) steps in a row that lowered the value by less than `tolerance` of itself.
     done: (P,) bool: after `patience` idle steps, at a stationary point, or when not even the steepest way leads down.
-    reach: RMS length of a first step, in box widths.
+    reach: RMS length, in box widths, of the first step in a box without bounds.
     """
 
     x: Tensor
@@ -71,7 +72,7 @@ class Bfgs(NamedTuple):
         accepted = value.isfinite() & (fresh | (value <= self.value + ARMIJO * slope)) & ~self.done
         learned = accepted & ~fresh
         hessian, age = self.hessian, self.age
-        updated = _updated(hessian, moved, gradient - self.gradient, age == 0)
+        updated = _updated(hessian, moved, gradient - self.gradient)
         hessian = torch.where(learned[:, None, None], updated, hessian)
         fall = self.value - value
         slow = learned & ~(fall > self.tolerance * value.abs())
@@ -114,13 +115,10 @@ def _shorter(step: Tensor, rise: Tensor, slope: Tensor) -> Tensor:
     return step * factor.clamp(0.1, 0.5)
 
 
-def _updated(hessian: Tensor, moved: Tensor, bent: Tensor, first: Tensor) -> Tensor:
-    """(P, G, G) the damped BFGS update; before a row's first one, its Hessian is scaled to the curvature just met."""
+def _updated(hessian: Tensor, moved: Tensor, bent: Tensor) -> Tensor:
+    """(P, G, G) the damped BFGS update after a step `moved` that bent the gradient by `bent`, both (P, G)."""
+    known = _times(hessian, moved)
     curvature = (moved * bent).sum(-1)
-    scale = bent.square().sum(-1) / curvature
-    scaled = first & (curvature > 0) & scale.isfinite()
-    hessian = torch.where(scaled[:, None, None], scale.where(scaled, 1.0)[:, None, None] * _eye(moved), hessian)
-    known = (hessian @ moved[..., None]).squeeze(-1)
     expected = (moved * known).sum(-1)
     damped = (1 - POWELL) * expected / (expected - curvature)
     damping = torch.where(curvature >= POWELL * expected, 1.0, damped)
@@ -135,20 +133,36 @@ def _eye(like: Tensor) -> Tensor:
     return torch.eye(like.shape[-1], dtype=like.dtype, device=like.device)
 
 
+def _times(matrix: Tensor, vector: Tensor) -> Tensor:
+    return (matrix @ vector[..., None]).squeeze(-1)
+
+
 def _outer(v: Tensor) -> Tensor:
     return v[:, :, None] * v[:, None, :]
 
 
 def _direction(x: Tensor, gradient: Tensor, hessian: Tensor) -> Tensor:
-    """(P, G) towards the bottom of the quadratic model, as far as the box goes; 0 at a stationary point.
+    """(P, G) from x to the lowest point of the quadratic model within the box; 0 at a stationary point.
 
-    Genes that sit on a bound and are pushed against it stay there; the others take the step as if those did not exist.
+    Genes whose free optimum lies outside are held on their bound, and let go again when the model pulls them back.
     """
-    held = ((x <= 0) & (gradient > 0)) | ((x >= 1) & (gradient < 0))
-    free = ~held[:, :, None] & ~held[:, None, :]
-    pull = gradient.where(~held, 0.0)
-    factor, failed = torch.linalg.cholesky_ex(torch.where(free, hessian, _eye(x)))
-    direction = -torch.cholesky_solve(pull[..., None], factor).squeeze(-1).clamp(x - 1.0, x)
-    # a step cut by the box may lead up
+    low, high, eye = -x, 1.0 - x, _eye(x)
+    at_low, at_high = (low == 0) & (gradient > 0), (high == 0) & (gradient < 0)
+    for _ in range(PASSES):
+        held = at_low | at_high
+        given = torch.where(at_low, low, high).where(held, 0.0)
+        pull = (gradient + _times(hessian, given)).where(~held, 0.0)
+        both_free = ~held[:, :, None] & ~held[:, None, :]
+        factor, failed = torch.linalg.cholesky_ex(torch.where(both_free, hessian, eye))
+        direction = given - torch.cholesky_solve(pull[..., None], factor).squeeze(-1)
+        force = gradient + _times(hessian, direction)
+        low_now = torch.where(at_low, force > 0, direction < low)
+        high_now = torch.where(at_high, force < 0, direction > high)
+        settled = torch.equal(low_now, at_low) and torch.equal(high_now, at_high)
+        at_low, at_high = low_now, high_now
+        if settled:
+            break
+    direction = direction.clamp(low, high)
+    # a row that has not settled is cut by the box, and what is left of its step may lead up
     downhill = ((direction * gradient).sum(-1) < 0) & (failed == 0)
-    return torch.where(downhill[:, None], direction, (-pull).clamp(-x, 1.0 - x))
+    return torch.where(downhill[:, None], direction, (-gradient).clamp(low, high))

@@ -43,7 +43,7 @@ class Gradient:
     method: str = "bfgs"
     starts: int = 16
     screen: int = 128
-    reach: float = 0.05
+    reach: float = 1.0
     tolerance: float = 1e-4
     patience: int = 5
     rate: float = 0.03
@@ -54,7 +54,7 @@ class Gradient:
             raise HopdiffError(f"search.method must be one of {', '.join(METHODS)}, not {self.method!r}.")
         require("starts", self.starts, 1)
         require("screen", self.screen, self.starts)
-        require("reach", self.reach, 1e-6, 1)
+        require("reach", self.reach, 1e-6)
         require("tolerance", self.tolerance, 0)
         require("patience", self.patience, 1)
         require("rate", self.rate, 1e-6, 1)

@@ -57,7 +57,7 @@ class Hybrid:
     refine: int = 6
     apart: float = 0.03
     write_back: bool = True
-    reach: float = 0.05
+    reach: float = 1.0
     tolerance: float = 1e-4
     patience: int = 5
     population: int = 100
@@ -77,7 +77,7 @@ class Hybrid:
         require("steps", self.steps, 0)
         require("refine", self.refine, 1)
         require("apart", self.apart, 0, 1)
-        require("reach", self.reach, 1e-6, 1)
+        require("reach", self.reach, 1e-6)
         require("tolerance", self.tolerance, 0)
         require("patience", self.patience, 1)
         _ = self.ga
