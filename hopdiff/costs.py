@@ -20,6 +20,7 @@ from hopdiff.types import Status
 
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
 ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
+LEAST_DEMAND = 0.2  # weight of the energy target at beta 0, where it cannot be met, relative to beta >= 0.2
 JOINT_LIMIT_SCALE = 0.5  # rad beyond its range at which a joint is grossly wrong
 
 
@@ -131,12 +132,12 @@ def energy_target(beta: float) -> float:
 def energy_mismatch(energy: Tensor, beta: float) -> Tensor:
     """Squared relative distance from the energy target (P,).
 
-    Below beta 0.2 the target may lie under the least that the body needs: it counts less and less, and at beta 0
-    only eval asks for little energy.
+    Below beta 0.2 the target soon lies under the least that the body needs: it counts less and less, down to a
+    pull that makes a calm run thrifty without bending it out of shape.
     """
     target = energy_target(beta)
-    demand = min(target / ORDINARY_TARGET, 1.0)
-    return demand**2 * ((energy - target) / max(target, ORDINARY_TARGET)) ** 2
+    demand = max(min(target / ORDINARY_TARGET, 1.0) ** 2, LEAST_DEMAND)
+    return demand * ((energy - target) / max(target, ORDINARY_TARGET)) ** 2
 
 
 def leg_effort(trajectory: Trajectory) -> Tensor:
