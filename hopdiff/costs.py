@@ -20,7 +20,7 @@ from hopdiff.types import Status
 
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
 ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
-LEAST_DEMAND = 0.2  # weight of the energy target at beta 0, where it cannot be met, relative to beta >= 0.2
+LEAST_DEMAND = 0.05  # weight of the energy target at beta 0, where it cannot be met, relative to beta >= 0.2
 JOINT_LIMIT_SCALE = 0.5  # rad beyond its range at which a joint is grossly wrong
 
 
