@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from hopdiff.config import build_job, check_numbers, checked, compose, known_settings
+from hopdiff.config import build_job, compose, known_settings
 from hopdiff.errors import sentence
-from hopdiff.perform import threads
-from hopdiff.tasks.job import Run, search_run
+from hopdiff.tasks.job import Run, search_run, threads
 from hopdiff.types import HopdiffError
 
 
@@ -44,10 +43,9 @@ def generate(
         f"dtype='{dtype}'",
     ]
     try:
-        config = compose(chosen)
-        check_numbers(options := checked(config))
-        with threads(options.threads):
-            return search_run(build_job(config))
+        job = build_job(compose(chosen))
+        with threads(job.threads):
+            return search_run(job)
     except HopdiffError:
         raise
     except Exception as error:

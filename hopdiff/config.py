@@ -3,21 +3,22 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Optional
+from typing import Any
 
 import hydra
 import torch
 from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
 from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from hopdiff.character import Character, CharacterSettings
 from hopdiff.costs import CostSettings
 from hopdiff.genes import GeneSettings, GeneTable
-from hopdiff.messages import choose, one_line
+from hopdiff.messages import choose, near, one_line
 from hopdiff.models import build_model
 from hopdiff.models.base import ModelSettings
 from hopdiff.problem import RunProblem
@@ -51,7 +52,7 @@ class BudgetSettings:
 
     evaluations: int = 10_000
     gradient_price: float = 3.0
-    target: Optional[float] = None
+    target: float | None = None
 
 
 @dataclass
@@ -65,8 +66,8 @@ class Config:
     dtype: str = "float64"
     threads: int = 1
     fps: float = 60.0
-    runs: Optional[str] = None
-    genes_file: Optional[str] = None
+    runs: str | None = None
+    genes_file: str | None = None
     budget: BudgetSettings = field(default_factory=BudgetSettings)
     task: TaskSettings = field(default_factory=TaskSettings)
     model: ModelSettings = field(default_factory=ModelSettings)
@@ -93,8 +94,14 @@ def config_folder() -> Path:
 def compose(overrides: Sequence[str] = ()) -> DictConfig:
     """The settings that a command line with these overrides stands for, outside a Hydra application."""
     register_schema()
-    with hydra.initialize_config_dir(str(config_folder()), job_name="hopdiff", **HYDRA_BASE):
-        return hydra.compose("config", list(overrides))
+    # A Hydra application around this one stays as it is.
+    outer = GlobalHydra.instance().hydra
+    GlobalHydra.instance().clear()
+    try:
+        with hydra.initialize_config_dir(str(config_folder()), job_name="hopdiff", **HYDRA_BASE):
+            return hydra.compose("config", list(overrides))
+    finally:
+        GlobalHydra.instance().hydra = outer
 
 
 @cache
@@ -112,8 +119,24 @@ def known_settings() -> list[str]:
 
 
 def checked(config: DictConfig) -> Config:
-    """The settings as an object. Raises an OmegaConfBaseException if a name or type does not fit the schema."""
-    return OmegaConf.to_object(_strict(OmegaConf.to_container(config, resolve=True)))  # type: ignore[return-value]
+    """The settings as an object, top-level numbers checked. Raises HopdiffError, or an OmegaConfBaseException."""
+    settings: Config = OmegaConf.to_object(config)  # type: ignore[assignment]
+    # Hydra takes new names from "+name=value" in spite of the schema.
+    for name in _strays(settings, ""):
+        raise HopdiffError(f"Unknown setting {name!r}.{near(name, known_settings())}")
+    check_numbers(settings)
+    return settings
+
+
+def _strays(node: Any, prefix: str) -> Iterator[str]:
+    """Dotted names that the schema does not have."""
+    if is_dataclass(node):
+        known = {entry.name for entry in fields(node)}
+        yield from (f"{prefix}{name}" for name in vars(node) if name not in known)
+        node = vars(node)
+    if isinstance(node, dict):
+        for name, value in node.items():
+            yield from _strays(value, f"{prefix}{name}.")
 
 
 def with_saved(config: DictConfig, saved: Mapping[str, Any], typed: Sequence[str]) -> DictConfig:
@@ -124,18 +147,16 @@ def with_saved(config: DictConfig, saved: Mapping[str, Any], typed: Sequence[str
     """
     plain: Any = OmegaConf.to_container(config, resolve=True)
     try:
-        result = _strict(plain | {name: saved[name] for name in SAVED if name in saved and name not in typed})
+        plain |= {name: saved[name] for name in SAVED if name in saved and name not in typed}
+        result: DictConfig = OmegaConf.merge(OmegaConf.structured(Config), plain)  # type: ignore[assignment]
     except OmegaConfBaseException as error:
-        raise HopdiffError(f"The settings in the genes file do not fit: {error.full_key}: {one_line(error)}.") from error
+        raise HopdiffError(
+            f"The genes file has settings that do not fit: {error.full_key}: {one_line(error)}."
+        ) from error
     for name in typed:
         if name.split(".")[0] in SAVED and "." in name:
             OmegaConf.update(result, name, OmegaConf.select(config, name))
     return result
-
-
-def _strict(plain: Any) -> DictConfig:
-    """Plain data checked against the schema; unlike Hydra, this takes no new names from "+name=value" either."""
-    return OmegaConf.merge(OmegaConf.structured(Config), plain)  # type: ignore[return-value]
 
 
 def build_job(config: DictConfig) -> Job:
@@ -144,7 +165,6 @@ def build_job(config: DictConfig) -> Job:
     Raises HopdiffError, or an OmegaConfBaseException, that names the setting.
     """
     settings = checked(config)
-    check_numbers(settings)
     dtype = DTYPES[choose("dtype", settings.dtype, DTYPES)]
     device = build_device(settings.device, dtype)
     character = Character.build(settings.character, dtype, device)
@@ -159,6 +179,7 @@ def build_job(config: DictConfig) -> Job:
         budget=Budget(**vars(settings.budget)),
         seed=settings.seed,
         fps=settings.fps,
+        threads=settings.threads,
         settings=plain,
         saved={name: plain[name] for name in SAVED},
     )

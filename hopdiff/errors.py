@@ -34,7 +34,9 @@ def sentence(error: BaseException, known: Callable[[], Iterable[str]]) -> str | 
         case MissingConfigException():
             return _missing_choice(error)
         case OverrideParseException():
-            return f"The override {error.override!r} cannot be read: write NAME=VALUE, and quote a value with signs in it."
+            return (
+                f"The override {error.override!r} cannot be read: write NAME=VALUE, with quotes around unusual values."
+            )
         case ConfigCompositionException():
             return _composition(error, known)
         case OmegaConfBaseException():
@@ -64,9 +66,9 @@ def _composition(error: ConfigCompositionException, known: Callable[[], Iterable
         return _setting(error.__cause__, key, str(error.__cause__), known)
     if found := re.match(r"In '(.+?)': (\w+) raised while composing config:\s*(.*)", text, re.DOTALL):
         file, kind, rest = found.groups()
-        key = re.search(r"full_key: (\S+)", rest)
+        name = re.search(r"full_key: (\S+)", rest)
         cause = {"ValidationError": ValidationError, "ConfigKeyError": ConfigKeyError}.get(kind, OmegaConfBaseException)
-        return f"{file}.yaml: {_setting(cause(rest), key.group(1) if key else '', rest, known)}"
+        return f"{file}.yaml: {_setting(cause(rest), name.group(1) if name else '', rest, known)}"
     if found := re.match(r"Could not override '(.+?)'\. No match in the defaults list", text):
         return f"{found.group(1)} is not chosen by default: write +{found.group(1)}=NAME."
     if found := re.match(r"Could not append to config. An item is already at '(.+?)'", text):

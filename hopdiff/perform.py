@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
-import torch
 from omegaconf import DictConfig
 
-from hopdiff.config import build_job, check_numbers, checked, with_saved
+from hopdiff.config import build_job, checked, with_saved
 from hopdiff.io.genes_file import read_genes
 from hopdiff.messages import choose
 from hopdiff.tasks.compare import compare
+from hopdiff.tasks.job import threads
 from hopdiff.tasks.replay import replay
 from hopdiff.tasks.run import run
 from hopdiff.types import HopdiffError
@@ -26,35 +25,26 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
 
     Returns whether the user broke it off. Raises HopdiffError for whatever the user can put right.
     """
-    settings = checked(config)
-    check_numbers(settings)
-    with threads(settings.threads):
-        match choose("task.name", settings.task.name, TASKS):
-            case "compare":
-                if settings.runs is None:
-                    raise HopdiffError("task=compare needs runs=FOLDER, a folder with run folders in it.")
-                compare(Path(settings.runs), folder)
-            case "replay":
-                if settings.genes_file is None:
-                    raise HopdiffError("task=replay needs genes_file=FILE, the genes.json of a run.")
-                file = read_genes(Path(settings.genes_file))
-                replay(build_job(with_saved(config, file.settings, typed_names(command))), file, folder, list(command))
-            case _:
-                return run(build_job(config), folder, list(command))
-    return False
+    match choose("task.name", config.task.name, TASKS):
+        case "compare":
+            if (runs := checked(config).runs) is None:
+                raise HopdiffError("task=compare needs runs=FOLDER, a folder with run folders in it.")
+            compare(Path(runs), folder)
+            return False
+        case "replay":
+            if config.genes_file is None:
+                raise HopdiffError("task=replay needs genes_file=FILE, the genes.json of a run.")
+            genes = read_genes(Path(config.genes_file))
+            job = build_job(with_saved(config, genes.settings, typed_names(command)))
+            with threads(job.threads):
+                replay(job, genes, folder, list(command))
+            return False
+        case _:
+            job = build_job(config)
+            with threads(job.threads):
+                return run(job, folder, list(command))
 
 
 def typed_names(overrides: Sequence[str]) -> list[str]:
     """The dotted names of the settings in overrides such as "speed=3", "+experiment=brisk", "~search"."""
     return [re.split("[=@:]", override.lstrip("+~"), maxsplit=1)[0] for override in overrides]
-
-
-@contextmanager
-def threads(count: int) -> Iterator[None]:
-    """PyTorch with that many threads, and with as many as before afterwards."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

@@ -44,6 +44,8 @@ NEIGHBOURS = {
     ("hopdiff.models", "hopdiff.character"),
     ("hopdiff.models", "hopdiff.genes"),
     ("hopdiff.problem", "hopdiff.costs"),
+    ("hopdiff.metrics", "hopdiff.costs"),
+    ("hopdiff.metrics", "hopdiff.problem"),
     ("hopdiff.tasks", "hopdiff.plots"),
 }
 # Who may know Hydra, and who PyTorch's optimisers.

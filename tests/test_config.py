@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import torch
-import yaml
+from omegaconf import OmegaConf
 
 from hopdiff.config import build_job, build_search, checked, compose, config_folder, known_settings, with_saved
 from hopdiff.search import SEARCHES
@@ -52,7 +52,7 @@ def test_every_experiment_runs(name: str) -> None:
 
 @pytest.mark.parametrize("name", SEARCHES)
 def test_search_files_set_what_the_class_knows(name: str) -> None:
-    settings = yaml.safe_load((CONF / "search" / f"{name}.yaml").read_text())
+    settings = OmegaConf.to_container(OmegaConf.load(CONF / "search" / f"{name}.yaml"))
     assert settings["name"] == name
     assert build_search(settings) == SEARCHES[name](**settings)
 
@@ -62,7 +62,7 @@ def test_search_settings_are_typed() -> None:
         build_search({"name": "ga", "population": "many"})
     with pytest.raises(HopdiffError, match="Unknown setting of search ga 'popsize'"):
         build_search({"name": "ga", "popsize": 5})
-    with pytest.raises(HopdiffError, match="Unknown search.name 'None'"):
+    with pytest.raises(HopdiffError, match=r"Unknown search\.name 'None'"):
         build_search({"population": 5})
 
 

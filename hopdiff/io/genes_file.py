@@ -45,7 +45,7 @@ def read_genes(path: Path) -> GenesFile:
     where = f"genes_file {str(path)!r}"
     try:
         content = json.loads(read_text(path), object_pairs_hook=_without_repeats)
-    except _Repeated as error:
+    except _RepeatedError as error:
         raise HopdiffError(f"{where} holds {str(error)!r} twice.") from error
     except json.JSONDecodeError as error:
         raise HopdiffError(f"{where} is not a JSON file: {error.msg} in line {error.lineno}.") from error
@@ -92,7 +92,7 @@ def unit_genes(file: GenesFile, table: GeneTable) -> Tensor:
     return table.to_unit(values.to(table.low)).clamp(0.0, 1.0)
 
 
-class _Repeated(Exception):
+class _RepeatedError(Exception):
     """A name comes twice in one JSON object."""
 
 
@@ -100,6 +100,6 @@ def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for name, value in pairs:
         if name in result:
-            raise _Repeated(name)
+            raise _RepeatedError(name)
         result[name] = value
     return result

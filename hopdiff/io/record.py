@@ -17,6 +17,7 @@ from typing import Any
 
 import torch
 
+from hopdiff import __version__
 from hopdiff.io.files import write_whole
 from hopdiff.types import HopdiffError
 
@@ -53,7 +54,7 @@ def versions(command: Sequence[str]) -> dict[str, Any]:
     """What a run was made with, as far as it bears on repeating it. command: the overrides typed by the user."""
     return {
         "command": list(command),
-        "hopdiff": _version("hopdiff"),
+        "hopdiff": __version__,
         "python": platform.python_version(),
         "platform": platform.platform(),
         "machine": platform.machine(),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,7 +23,7 @@ from hopdiff.search.loop import Budget, HistoryRow, OnStep, SearchResult, run_se
 class Job:
     """Everything a run is made from, built and checked.
 
-    fps: wanted frames a second. settings: the whole resolved configuration as plain data.
+    fps: wanted frames a second. threads: of PyTorch. settings: the whole resolved configuration as plain data.
     saved: the part of it that belongs into the genes file, so that a replay needs nothing else.
     """
 
@@ -31,6 +33,7 @@ class Job:
     budget: Budget
     seed: int
     fps: float
+    threads: int
     settings: dict[str, Any]
     saved: dict[str, Any]
 
@@ -91,3 +94,14 @@ def _provenance(job: Job, motion: Motion, result: SearchResult | None) -> dict[s
         "frames": motion.clip.frames,
         "frame_time": motion.clip.frame_time,
     }
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """PyTorch with that many threads, and with as many as before afterwards."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

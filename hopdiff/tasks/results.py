@@ -76,10 +76,16 @@ def summary(folder: Path, job: Job, run: Run) -> str:
         f" {m['wall_seconds']:.1f} s, {100 * m['invalid_fraction']:.0f} % impossible"
     )
     rows = [
-        ("asked", f"speed {m['speed']:g} m/s, beta {m['beta']:g} (energy {m['energy_target']:.3f})"),
+        ("asked", f"speed {m['speed']:g} m/s, beta {m['beta']:g}, so energy {m['energy_target']:.3f}"),
         ("reached", f"energy {m['energy_rate']:.3f} ({miss:+.1f} %), cost {m['cost']:.4f}, gamma {m['gamma']:.3f}"),
-        ("", f"contact {m['contact_time']:.3f} s, flight {m['flight_time']:.3f} s, bounce {m['com_oscillation']:.3f} m"),
-        ("", f"{m['step_frequency']:.2f} steps/s of {m['step_length']:.2f} m, knee at most {m['knee_swing_max_deg']:.0f} deg"),
+        (
+            "",
+            f"contact {m['contact_time']:.3f} s, flight {m['flight_time']:.3f} s, bounce {m['com_oscillation']:.3f} m",
+        ),
+        (
+            "",
+            f"{m['step_frequency']:.2f} steps/s of {m['step_length']:.2f} m, knee to {m['knee_swing_max_deg']:.0f} deg",
+        ),
         ("searched", searched if run.history else "not at all: replayed from a genes file"),
         ("files", str(folder)),
     ]

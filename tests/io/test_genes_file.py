@@ -105,7 +105,7 @@ def test_broken_files_are_refused(tmp_path: Path, text: str, says: str) -> None:
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(HopdiffError, match="none.json"):
+    with pytest.raises(HopdiffError, match=r"none\.json"):
         read_genes(tmp_path / "none.json")
     with pytest.raises(HopdiffError, match=tmp_path.name):
         read_genes(tmp_path)

@@ -33,12 +33,38 @@ FILES = {
     "versions.json",
     "git.json",
 }
-METRICS = (
-    "speed beta cost gamma energy_rate energy_rate_raw energy_unit energy_target contact_time flight_time "
-    "step_frequency step_length duty_factor com_oscillation peak_leg_force_bw knee_touchdown_deg knee_stance_max_deg "
-    "knee_swing_max_deg trunk_lean_deg stance_foot_drift min_foot_clearance loop_error evaluations "
-    "gradient_evaluations invalid_fraction wall_seconds search model seed frame_time"
-).split()
+METRICS = {
+    "speed",
+    "beta",
+    "cost",
+    "gamma",
+    "energy_rate",
+    "energy_rate_raw",
+    "energy_unit",
+    "energy_target",
+    "contact_time",
+    "flight_time",
+    "step_frequency",
+    "step_length",
+    "duty_factor",
+    "com_oscillation",
+    "peak_leg_force_bw",
+    "knee_touchdown_deg",
+    "knee_stance_max_deg",
+    "knee_swing_max_deg",
+    "trunk_lean_deg",
+    "stance_foot_drift",
+    "min_foot_clearance",
+    "loop_error",
+    "evaluations",
+    "gradient_evaluations",
+    "invalid_fraction",
+    "wall_seconds",
+    "search",
+    "model",
+    "seed",
+    "frame_time",
+}
 
 
 def read(folder: Path, name: str) -> dict:
@@ -59,8 +85,8 @@ def test_the_folder_holds_everything_and_nothing_else(finished: Path) -> None:
 
 def test_metrics_hold_every_number(finished: Path) -> None:
     metrics = read(finished, "metrics.json")
-    assert [name for name in METRICS if name not in metrics] == []
-    numbers = {name: metrics[name] for name in METRICS if name not in ("search", "model")}
+    assert METRICS - set(metrics) == set()
+    numbers = {name: metrics[name] for name in METRICS - {"search", "model"}}
     assert all(isinstance(value, int | float) and math.isfinite(value) for value in numbers.values())
     assert metrics["speed"] == pytest.approx(4.0, rel=1e-9)
     assert (metrics["beta"], metrics["seed"], metrics["search"], metrics["model"]) == (0.5, 3, "ga", "smooth")
@@ -131,7 +157,8 @@ def test_ctrl_c_keeps_the_best_so_far(
 
 def test_the_default_folder_says_what_is_in_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["hopdiff", "+experiment=neutral", "speed=3", "search=random", "budget.evaluations=20"])
+    arguments = ("+experiment=neutral", "speed=3", "search=random", "budget.evaluations=20")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *arguments])
     assert main() == 0
     (folder,) = (tmp_path / "outputs").iterdir()
     assert folder.name.endswith("_v3.0_beta0.2_random_seed0")
