@@ -11,6 +11,7 @@ from hopdiff.io.events import write_events
 from hopdiff.io.record import prepare_folder, write_table
 from hopdiff.plots.compare import RunRecord, compare_figures, read_run
 from hopdiff.plots.save import save_figure
+from hopdiff.tasks.results import shown
 from hopdiff.types import HopdiffError
 
 # The printed table: heading, metric, format. The file holds every metric.
@@ -47,7 +48,7 @@ def compare(runs: Path, folder: Path) -> None:
         save_figure(figure, pictures[name])
     write_events(folder, pictures=pictures)
     print(as_text([[heading for heading, _, _ in COLUMNS], *(_row(record.metrics) for record in records)]))
-    print(f"\n{len(records)} runs; files: {folder}", flush=True)
+    print(f"\n{len(records)} runs; files: {shown(folder)}", flush=True)
 
 
 def find_runs(folder: Path) -> list[Path]:

@@ -87,9 +87,14 @@ def summary(folder: Path, job: Job, run: Run) -> str:
             f"{m['step_frequency']:.2f} steps/s of {m['step_length']:.2f} m, knee to {m['knee_swing_max_deg']:.0f} deg",
         ),
         ("searched", searched if run.history else "not at all: replayed from a genes file"),
-        ("files", str(folder)),
+        ("files", shown(folder)),
     ]
     return "\n".join(f"{name:<9} {text}" for name, text in rows)
+
+
+def shown(folder: Path) -> str:
+    """A folder as the user would type it."""
+    return str(folder.relative_to(Path.cwd())) if folder.is_relative_to(Path.cwd()) else str(folder)
 
 
 def _scalars(row: HistoryRow) -> dict[str, float]:
