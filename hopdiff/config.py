@@ -77,6 +77,7 @@ class Config:
     genes: GeneSettings = field(default_factory=GeneSettings)
 
 
+@cache
 def register_schema() -> None:
     """Tell Hydra the types, so that a wrong name or type in any file or override is an error."""
     ConfigStore.instance().store(name="schema", node=Config)

@@ -31,8 +31,8 @@ def hopdiff(*arguments: str, cwd: Path, **environment: str) -> subprocess.Comple
 
 def commands(text: str) -> list[list[str]]:
     """The overrides of every `python -m hopdiff` command in a text."""
-    found = re.findall(r"^ *python -m hopdiff (.+?)(?:  +\S.*| +#.*)?$", text, re.MULTILINE)
-    return [shlex.split(line) for line in found]
+    found = re.findall(r"(?:^ *|&& )python -m hopdiff (.+?)(?:  +\S.*| +#.*)?$", text, re.MULTILINE)
+    return [shlex.split(re.sub("<.+?>", "some", line)) for line in found]
 
 
 @pytest.mark.parametrize("path", [ROOT / "README.md", config_folder() / "hydra" / "help" / "hopdiff.yaml"])
