@@ -1,0 +1,153 @@
+"""The outline of a body from its joint positions: shapes that any canvas can fill."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdiff.geometry.clip import Clip
+from hopdiff.geometry.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+# Half thickness along a limb or the trunk, in limb or trunk lengths, at 0, 1/2 and 1 of the way.
+_THICKNESS = {"leg": (0.085, 0.055, 0.028), "arm": (0.078, 0.055, 0.036), "trunk": (0.19, 0.17, 0.16)}
+_WAY = (0.0, 0.5, 1.0)
+_HEAD_SHARE = 0.78  # of the way from the neck joint to the top of the head
+_HEAD_WIDTH = 0.8  # of the head's height
+_DEPTH = {"far arm": 0, "far leg": 1, "middle trunk": 2, "middle head": 3, "near leg": 4, "near arm": 5}
+
+
+@dataclass(frozen=True)
+class Part:
+    """A filled shape in the plane of view. side: "left", "right" or "middle"; outline: (K, 2) [m]."""
+
+    side: str
+    outline: Array
+
+
+@dataclass(frozen=True)
+class _Bone:
+    start: int
+    end: int
+    side: str
+    kind: str
+    radii: tuple[float, float]
+
+
+class Body:
+    """Turns points of a pose into parts, far ones first, seen from the runner's right: forward is to the right.
+
+    The left side is the far one. A joint belongs to a side if its name says so; the head is the end site of the joint
+    "neck", if there is one. Thickness goes with the length of limbs and trunk, so every body size looks right.
+    """
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self.joint_names = skeleton.names
+        self.end_names = tuple(name for name in skeleton.names if name in skeleton.end_sites)
+        bones = _bones(skeleton, self.end_names)
+        self._bones = sorted(bones, key=lambda bone: _DEPTH[f"{_layer(bone.side)} {bone.kind}"])
+
+    def points(self, clip: Clip) -> Array:
+        """(T, J + E, 3) world positions of the joints and, after them, the end sites [m]."""
+        positions, orientations = clip.skeleton.forward(clip.root_position, clip.rotations)
+        ends = clip.skeleton.end_positions(positions, orientations)
+        tracks = [positions.detach().cpu().double().numpy()]
+        tracks += [ends[name].detach().cpu().double().numpy()[:, None] for name in self.end_names]
+        return np.concatenate(tracks, axis=1)
+
+    def parts(self, points: Array) -> list[Part]:
+        """The shapes of one pose. points: (J + E, 3). Outlines have the world's z as first, y as second axis."""
+        flat = points[:, [2, 1]]
+        parts = []
+        for bone in self._bones:
+            start, end = flat[bone.start], flat[bone.end]
+            if bone.kind == "head":
+                chin = end + _HEAD_SHARE * (start - end)
+                parts.append(Part("middle", capsule(start, chin, *bone.radii)))
+                parts.append(Part("middle", ellipse(chin, end, _HEAD_WIDTH)))
+            else:
+                parts.append(Part(bone.side, capsule(start, end, *bone.radii)))
+        return parts
+
+    def lines(self, points: Array, sides: tuple[str, ...]) -> list[Array]:
+        """Centre lines (K, 2, 2) of the bones of some sides, for thin stick figures."""
+        flat = points[:, [2, 1]]
+        return [np.stack((flat[b.start], flat[b.end])) for b in self._bones if b.side in sides]
+
+
+def side_of(name: str) -> str:
+    """ "left" or "right" as a joint's name says, otherwise "middle"."""
+    lowered = name.lower()
+    return "left" if "left" in lowered else "right" if "right" in lowered else "middle"
+
+
+def capsule(start: Array, end: Array, radius_start: float, radius_end: float, corners: int = 12) -> Array:
+    """Outline (K, 2) of a tapered bar with round ends."""
+    axis = end - start
+    length = float(np.hypot(*axis))
+    if length <= abs(radius_start - radius_end):  # one circle swallows the other
+        centre, radius = (start, radius_start) if radius_start >= radius_end else (end, radius_end)
+        angle = np.linspace(0, 2 * np.pi, 2 * corners)
+        return centre + radius * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    heading = np.arctan2(axis[1], axis[0])
+    tangent = np.arccos((radius_start - radius_end) / length)  # where the straight flanks touch both circles
+    back = heading + np.linspace(tangent, 2 * np.pi - tangent, corners)
+    front = heading + np.linspace(-tangent, tangent, corners)
+    return np.concatenate(
+        (
+            start + radius_start * np.stack((np.cos(back), np.sin(back)), axis=1),
+            end + radius_end * np.stack((np.cos(front), np.sin(front)), axis=1),
+        )
+    )
+
+
+def ellipse(bottom: Array, top: Array, width: float, corners: int = 32) -> Array:
+    """Outline (K, 2) of an ellipse between two points of its long axis; width in lengths of that axis."""
+    along = (top - bottom) / 2
+    across = width * np.array([-along[1], along[0]])
+    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)[:, None]
+    return (bottom + top) / 2 + np.cos(angle) * along + np.sin(angle) * across
+
+
+def _layer(side: str) -> str:
+    return {"left": "far", "right": "near"}.get(side, "middle")
+
+
+def _bones(skeleton: Skeleton, end_names: tuple[str, ...]) -> list[_Bone]:
+    """One bone from every joint's parent to it and from every end site's joint to the end site.
+
+    Nodes are the joints and then the end sites, so a parent always comes first. A limb starts where the side changes;
+    the hidden way from the trunk to a limb's first joint is left out.
+    """
+    count = len(skeleton.names)
+    ends = [skeleton.end_sites[name] for name in end_names]
+    lengths = [float(offset.norm()) for offset in (*skeleton.offsets, *ends)]
+    parents = [*skeleton.parents, *(skeleton.index(name) for name in end_names)]
+    sides = [side_of(name) for name in (*skeleton.names, *end_names)]
+    heads = {count + i for i, name in enumerate(end_names) if name == "neck"}
+
+    first = list(range(len(parents)))  # first node of the node's limb; 0 for the trunk
+    before = [0.0] * len(parents)  # length of the limb up to the node
+    after = [0.0] * len(parents)  # length of the limb beyond the node
+    nodes = [node for node in range(1, len(parents)) if node not in heads]
+    for node in nodes:
+        if sides[node] == sides[parents[node]]:
+            first[node] = first[parents[node]]
+            before[node] = before[parents[node]] + lengths[node]
+    for node in reversed(nodes):
+        if first[node] != node:
+            after[parents[node]] = max(after[parents[node]], lengths[node] + after[node])
+
+    bones = [_Bone(parents[node], node, "middle", "head", (0.16 * lengths[node],) * 2) for node in heads]
+    for node in nodes:
+        if first[node] == node:
+            continue
+        kind = "trunk" if sides[node] == "middle" else "leg" if parents[first[node]] == 0 else "arm"
+        total = before[node] + after[node]
+        way = [(before[node] - lengths[node]) / total, before[node] / total] if total > 0 else [0.0, 1.0]
+        start, end = np.interp(way, _WAY, _THICKNESS[kind]) * total
+        bones.append(_Bone(parents[node], node, sides[node], kind, (float(start), float(end))))
+    return bones

@@ -1,0 +1,165 @@
+"""The run as animators draw it: key poses side by side, and below them the same stride in place on the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from hopdiff.motion import Motion
+from hopdiff.plots import style
+from hopdiff.plots.body import Array, Body
+from hopdiff.plots.poses import contact_points, key_moments, sample
+
+_WIDTH = 15.0  # inches
+_MARGIN = 0.25  # metres left and right of the outermost figure
+_GAP = 0.08  # metres between neighbouring figures
+_TRACE_RATE = 30.0  # stick figures a second in the lower picture
+
+
+def strip_figure(motion: Motion, title: str = "", poses: int = 10) -> Figure:
+    """Stick figures along one stride, seen from the runner's right, in true proportions.
+
+    Above: `poses` key poses or a few more or less, spread by an equal extra gap where they would overlap. Below:
+    the stride where it happens, with the path of the centre of mass and a scale of metres.
+    """
+    body = Body(motion.clip.skeleton)
+    times = motion.times.detach().cpu().double().numpy()
+    points = body.points(motion.clip)
+    moments = key_moments(motion, poses)
+    figures = sample(times, points, [moment.time for moment in moments])
+    shifts = _spread(figures)
+    z = figures[..., 2] + shifts[:, None]
+    low, high = z.min() - _MARGIN, z.max() + _MARGIN
+    top = figures[..., 1].max()
+    inch = _WIDTH / (high - low)  # inches in a metre
+
+    trace_low, trace_high = points[..., 2].min() - _MARGIN, points[..., 2].max() + _MARGIN
+    trace_inch = min(inch, _WIDTH / (trace_high - trace_low))
+    above, labels, middle, below = (top + 0.08) * inch, 0.75, (top + 0.08) * trace_inch, 0.55
+    head = 0.5
+    height = head + above + labels + middle + below
+    figure = style.new_figure(_WIDTH, height, layout=None)
+    left = 0.02
+    figure.text(left, 1 - 0.2 / height, title or _caption(motion), va="center", fontsize=13, fontweight="bold", color=style.INK)
+    spread = shifts[1] if len(shifts) > 1 else 0.0
+    note = f"poses spread by {spread:.2f} m" if spread else "poses where they happen"
+    _legend(figure, 1 - 0.2 / height, note)
+
+    upper = figure.add_axes((0.0, (below + middle + labels) / height, 1.0, above / height))
+    _ground(upper, low, high, top)
+    for moment, pose, shift in zip(moments, figures, shifts, strict=True):
+        draw_body(upper, body, pose, shift)
+        _label(upper, moment.name, moment.side, moment.time, _centre(pose) + shift)
+    for moment, pose, shift in zip(moments, figures, shifts, strict=True):
+        if moment.carries:
+            _contact_mark(upper, _foot(body, pose, moment.side) + shift, moment.side)
+
+    share = (trace_high - trace_low) * trace_inch / _WIDTH
+    lower = figure.add_axes(((1 - share) / 2, below / height, share, middle / height))
+    _trace(lower, motion, body, times, points)
+    lower.set(xlim=(trace_low, trace_high), ylim=(0.0, top + 0.08))
+    return figure
+
+
+def draw_body(axes: Axes, body: Body, pose: Array, shift: float = 0.0) -> None:
+    """Fill one figure into a side view. pose: (J + E, 3) [m]; shift: added along the way [m]."""
+    for order, part in enumerate(body.parts(pose)):
+        colour = FILL[part.side]
+        outline = part.outline + (shift, 0.0)
+        axes.add_patch(Polygon(outline, facecolor=colour, edgecolor="white", linewidth=0.7, zorder=3 + 0.01 * order))
+
+
+FILL = {"left": style.pale(style.LEFT, 0.45), "middle": style.BODY, "right": style.RIGHT}
+
+
+def _spread(figures: Array) -> Array:
+    """An equal extra gap for every pose, just enough to keep all neighbours apart; 0 if they are."""
+    z = figures[..., 2]
+    lacking = z[:-1].max(axis=1) + _GAP - z[1:].min(axis=1)
+    gap = max(0.0, float(lacking.max(initial=0.0)))
+    return gap * np.arange(len(figures))
+
+
+def _centre(pose: Array) -> float:
+    return float((pose[:, 2].min() + pose[:, 2].max()) / 2)
+
+
+def _foot(body: Body, pose: Array, side: str) -> float:
+    """Forward place of the lowest end site of a side."""
+    count = len(body.joint_names)
+    ends = [count + i for i, name in enumerate(body.end_names) if side in name.lower()]
+    lowest = min(ends, key=lambda i: float(pose[i, 1])) if ends else int(pose[:, 1].argmin())
+    return float(pose[lowest, 2])
+
+
+def _ground(axes: Axes, low: float, high: float, top: float) -> None:
+    axes.set(xlim=(low, high), ylim=(0.0, top + 0.08))
+    axes.axis("off")
+    axes.plot((low, high), (0, 0), color=style.GROUND, linewidth=2.0, clip_on=False, zorder=2)
+
+
+def _contact_mark(axes: Axes, z: float, side: str) -> None:
+    axes.plot(z, 0, marker="^", markersize=8, color=style.SIDE_COLOURS[side], clip_on=False, zorder=4, markeredgewidth=0)
+
+
+def _label(axes: Axes, name: str, side: str, time: float, z: float) -> None:
+    place = axes.transData
+    lines = [(name or "·", 0.30, 10, "bold" if name else "normal", style.SIDE_COLOURS[side])]
+    lines += [(f"{side if name else ''}", 0.47, 9, "normal", style.SIDE_COLOURS[side])]
+    lines += [(f"{time:.2f} s", 0.63, 8.5, "normal", style.GROUND)]
+    for text, inches, size, weight, colour in lines:
+        axes.annotate(
+            text,
+            (z, 0),
+            (0, -72 * inches),
+            xycoords=place,
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=size,
+            fontweight=weight,
+            color=colour,
+            annotation_clip=False,
+        )
+
+
+def _trace(axes: Axes, motion: Motion, body: Body, times: Array, points: Array) -> None:
+    """Thin figures at an even rate, the path of the centre of mass, the footholds and a metre scale."""
+    count = max(2, round((times[-1] - times[0]) * _TRACE_RATE) + 1)
+    poses = sample(times, points, np.linspace(times[0], times[-1], count))
+    for order, (sides, colour, width) in enumerate(
+        ((("left",), style.pale(style.LEFT, 0.35), 1.0), (("middle",), style.BODY, 1.2), (("right",), style.RIGHT, 1.0))
+    ):
+        lines = [line for pose in poses for line in body.lines(pose, sides)]
+        axes.add_collection(LineCollection(lines, colors=colour, linewidths=width, alpha=0.75, zorder=2 + order))
+    com = motion.com.detach().cpu().double().numpy()
+    axes.plot(com[:, 2], com[:, 1], color="#009E73", linewidth=2.2, zorder=6)
+    axes.annotate("centre of mass", (com[-1, 2], com[-1, 1]), (6, 0), textcoords="offset points", color="#009E73", fontsize=9, va="center")
+    for phase, place in contact_points(motion):
+        _contact_mark(axes, float(place[2]), phase.side)
+    axes.spines[["top", "left", "right"]].set_visible(False)
+    axes.spines["bottom"].set(color=style.GROUND, linewidth=2.0)
+    axes.set_yticks([])
+    axes.set_facecolor("none")
+    axes.tick_params(colors=style.INK, labelsize=9, length=8, direction="out")
+    axes.set_xlabel("m along the way", fontsize=9, color=style.INK)
+    axes.xaxis.set_major_locator(_metres())
+
+
+def _metres():  # type: ignore[no-untyped-def]
+    from matplotlib.ticker import MultipleLocator
+
+    return MultipleLocator(0.5)
+
+
+def _legend(figure: Figure, y: float, note: str) -> None:
+    figure.text(0.98, y, note, ha="right", va="center", fontsize=9, color=style.GROUND)
+
+
+def _caption(motion: Motion) -> str:
+    stride = motion.times[-1] - motion.times[0]
+    travel = motion.clip.root_position[-1, 2] - motion.clip.root_position[0, 2]
+    return f"One stride at {float(travel / stride):.2f} m/s: {float(travel):.2f} m in {float(stride):.2f} s"
