@@ -82,6 +82,7 @@ def test_the_trace_in_a_process_of_its_own(tmp_path: Path) -> None:
     assert "speed must be a number above 0" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_sweep_side_by_side(tmp_path: Path) -> None:
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
     done = hopdiff(

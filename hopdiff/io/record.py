@@ -36,12 +36,12 @@ def prepare_folder(folder: Path) -> None:
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write a CSV file with a header; None and NaN become empty cells."""
+    """Write a CSV file with a header; None becomes an empty cell."""
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     for row in rows:
-        writer.writerow("" if _blank(value) else value for value in row)
+        writer.writerow("" if value is None else value for value in row)
     write_whole(path, text.getvalue())
 
 
@@ -94,10 +94,6 @@ def _version(name: str) -> str | None:
         return version(name)
     except PackageNotFoundError:
         return None
-
-
-def _blank(value: Any) -> bool:
-    return value is None or (isinstance(value, float) and math.isnan(value))
 
 
 def _finite(value: Any) -> Any:

