@@ -31,9 +31,7 @@ def write_gif(path: str | os.PathLike[str], motion: Motion, width: int = 480) ->
     edges = np.round(100.0 * stride * np.arange(len(frames) + 1) / len(frames)).astype(int)
     delays = (10 * np.maximum(np.diff(edges), 2)).tolist()
     with whole_file(path, "wb") as file:
-        frames[0].save(
-            file, format="GIF", save_all=True, append_images=frames[1:], duration=delays, loop=0, disposal=1
-        )
+        frames[0].save(file, format="GIF", save_all=True, append_images=frames[1:], duration=delays, loop=0, disposal=1)
 
 
 def _frames(motion: Motion, stride: float, width: int) -> list[Image.Image]:

@@ -49,8 +49,9 @@ def read_run(folder: Path) -> RunRecord:
         try:
             columns = zip(*([float(cell) for cell in row] for row in rows[1:]), strict=True)
             history = dict(zip(rows[0], (list(column) for column in columns), strict=True))
-            history["spent"], history["best"]  # noqa: B018 - the columns that are drawn
-        except (ValueError, IndexError, KeyError) as error:
+            if not {"spent", "best"} <= history.keys():
+                raise ValueError("lacks the columns that are drawn")
+        except (ValueError, IndexError) as error:
             raise HopdiffError(f"{path} is not the history of a search.") from error
     return RunRecord(folder.name, metrics, history)
 
@@ -75,7 +76,7 @@ def convergence_overlay(records: Sequence[RunRecord]) -> Figure:
     columns = min(3, len(problems))
     rows = math.ceil(len(problems) / columns)
     figure = style.new_figure(4.2 * columns + 0.6, 3.0 * rows + 0.9, "Best cost against evaluations")
-    panels = figure.subplots(rows, columns, squeeze=False).flat
+    panels = list(figure.subplots(rows, columns, squeeze=False).flat)
     colours = _colours(searched)
     for axes, problem in zip(panels, problems, strict=False):
         groups = defaultdict(list)
@@ -88,10 +89,12 @@ def convergence_overlay(records: Sequence[RunRecord]) -> Figure:
             axes.set_yscale("log")
         axes.set_title(f"{problem[0]:g} m/s, beta {problem[1]:g}")
         style.tidy(axes)
-    for axes in list(panels)[len(problems) :]:
+    for axes in panels[len(problems) :]:
         axes.axis("off")
     figure.supxlabel("evaluations (a gradient counts as several)", fontsize=10)
-    handles = {label: line for axes in figure.axes for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    handles = {
+        label: line for axes in figure.axes for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
     figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=len(handles), frameon=False)
     return figure
 
@@ -103,7 +106,12 @@ def _band(axes: Axes, group: Sequence[RunRecord], colour: str, label: str) -> No
     axes.plot(grid[known], np.median(curves[:, known], axis=0), color=colour, linewidth=1.8, label=label)
     if len(group) > 1:
         axes.fill_between(
-            grid[known], curves[:, known].min(axis=0), curves[:, known].max(axis=0), color=colour, alpha=0.18, linewidth=0
+            grid[known],
+            curves[:, known].min(axis=0),
+            curves[:, known].max(axis=0),
+            color=colour,
+            alpha=0.18,
+            linewidth=0,
         )
 
 

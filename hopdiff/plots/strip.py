@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
+from matplotlib.ticker import MultipleLocator
 
 from hopdiff.motion import Motion
 from hopdiff.plots import style
@@ -43,7 +44,9 @@ def strip_figure(motion: Motion, title: str = "", poses: int = 10) -> Figure:
     height = head + above + labels + middle + below
     figure = style.new_figure(_WIDTH, height, layout=None)
     left = 0.02
-    figure.text(left, 1 - 0.2 / height, title or _caption(motion), va="center", fontsize=13, fontweight="bold", color=style.INK)
+    figure.text(
+        left, 1 - 0.2 / height, title or _caption(motion), va="center", fontsize=13, fontweight="bold", color=style.INK
+    )
     spread = shifts[1] if len(shifts) > 1 else 0.0
     note = f"poses spread by {spread:.2f} m" if spread else "poses where they happen"
     _legend(figure, 1 - 0.2 / height, note)
@@ -68,7 +71,7 @@ def draw_body(axes: Axes, body: Body, pose: Array, shift: float = 0.0) -> None:
     """Fill one figure into a side view. pose: (J + E, 3) [m]; shift: added along the way [m]."""
     for order, part in enumerate(body.parts(pose)):
         colour = FILL[part.side]
-        outline = part.outline + (shift, 0.0)
+        outline = part.outline + np.array([shift, 0.0])
         axes.add_patch(Polygon(outline, facecolor=colour, edgecolor="white", linewidth=0.7, zorder=3 + 0.01 * order))
 
 
@@ -80,7 +83,7 @@ def _spread(figures: Array) -> Array:
     z = figures[..., 2]
     lacking = z[:-1].max(axis=1) + _GAP - z[1:].min(axis=1)
     gap = max(0.0, float(lacking.max(initial=0.0)))
-    return gap * np.arange(len(figures))
+    return gap * np.arange(len(figures), dtype=np.float64)
 
 
 def _centre(pose: Array) -> float:
@@ -102,13 +105,15 @@ def _ground(axes: Axes, low: float, high: float, top: float) -> None:
 
 
 def _contact_mark(axes: Axes, z: float, side: str) -> None:
-    axes.plot(z, 0, marker="^", markersize=8, color=style.SIDE_COLOURS[side], clip_on=False, zorder=4, markeredgewidth=0)
+    axes.plot(
+        z, 0, marker="^", markersize=8, color=style.SIDE_COLOURS[side], clip_on=False, zorder=4, markeredgewidth=0
+    )
 
 
 def _label(axes: Axes, name: str, side: str, time: float, z: float) -> None:
     place = axes.transData
-    lines = [(name or "·", 0.30, 10, "bold" if name else "normal", style.SIDE_COLOURS[side])]
-    lines += [(f"{side if name else ''}", 0.47, 9, "normal", style.SIDE_COLOURS[side])]
+    lines = [(name or "·", 0.30, 10.0, "bold" if name else "normal", style.SIDE_COLOURS[side])]
+    lines += [(f"{side if name else ''}", 0.47, 9.0, "normal", style.SIDE_COLOURS[side])]
     lines += [(f"{time:.2f} s", 0.63, 8.5, "normal", style.GROUND)]
     for text, inches, size, weight, colour in lines:
         axes.annotate(
@@ -137,7 +142,15 @@ def _trace(axes: Axes, motion: Motion, body: Body, times: Array, points: Array) 
         axes.add_collection(LineCollection(lines, colors=colour, linewidths=width, alpha=0.75, zorder=2 + order))
     com = motion.com.detach().cpu().double().numpy()
     axes.plot(com[:, 2], com[:, 1], color="#009E73", linewidth=2.2, zorder=6)
-    axes.annotate("centre of mass", (com[-1, 2], com[-1, 1]), (6, 0), textcoords="offset points", color="#009E73", fontsize=9, va="center")
+    axes.annotate(
+        "centre of mass",
+        (com[-1, 2], com[-1, 1]),
+        (6, 0),
+        textcoords="offset points",
+        color="#009E73",
+        fontsize=9,
+        va="center",
+    )
     for phase, place in contact_points(motion):
         _contact_mark(axes, float(place[2]), phase.side)
     axes.spines[["top", "left", "right"]].set_visible(False)
@@ -146,13 +159,7 @@ def _trace(axes: Axes, motion: Motion, body: Body, times: Array, points: Array) 
     axes.set_facecolor("none")
     axes.tick_params(colors=style.INK, labelsize=9, length=8, direction="out")
     axes.set_xlabel("m along the way", fontsize=9, color=style.INK)
-    axes.xaxis.set_major_locator(_metres())
-
-
-def _metres():  # type: ignore[no-untyped-def]
-    from matplotlib.ticker import MultipleLocator
-
-    return MultipleLocator(0.5)
+    axes.xaxis.set_major_locator(MultipleLocator(0.5))
 
 
 def _legend(figure: Figure, y: float, note: str) -> None:
