@@ -41,8 +41,8 @@ class CMAES:
     population: int = 0
     sigma: float = 0.2
     growth: float = 2.0
-    patience: int = 50
-    tolerance: float = 1e-4
+    patience: int = 100
+    tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
         if self.population:

@@ -48,11 +48,11 @@ class GA:
 
     name: str = "ga"
     population: int = 100
-    elites: int = 4
-    pressure: float = 2.0
+    elites: int = 8
+    pressure: float = 1.9
     crossover: float = 0.9
-    blend: float = 0.5
-    stretch: float = 0.25
+    blend: float = 0.75
+    stretch: float = 0.5
     mutation: float = 0.1
     sigma: float = 0.2
     sigma_decay: float = 0.96
@@ -101,5 +101,5 @@ class GA:
         """(count, G) parents; the chance of one falls linearly with its rank."""
         n = len(parents.genes)
         chance = torch.linspace(self.pressure, 2.0 - self.pressure, n, dtype=torch.float64, device=generator.device)
-        chosen = torch.multinomial(chance + 1e-12, count, replacement=True, generator=generator)
+        chosen = torch.multinomial(chance, count, replacement=True, generator=generator)
         return parents.genes[chosen.to(parents.genes.device)]

@@ -51,21 +51,21 @@ class Hybrid:
     """
 
     name: str = "hybrid"
-    generations: int = 15
-    climbers: int = 4
+    generations: int = 8
+    climbers: int = 8
     steps: int = 2
-    refine: int = 6
+    refine: int = 8
     apart: float = 0.03
     write_back: bool = True
     reach: float = 1.0
     tolerance: float = 1e-4
     patience: int = 5
     population: int = 100
-    elites: int = 4
-    pressure: float = 2.0
+    elites: int = 8
+    pressure: float = 1.9
     crossover: float = 0.9
-    blend: float = 0.5
-    stretch: float = 0.25
+    blend: float = 0.75
+    stretch: float = 0.5
     mutation: float = 0.1
     sigma: float = 0.2
     sigma_decay: float = 0.9
