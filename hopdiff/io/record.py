@@ -67,7 +67,8 @@ def versions(command: Sequence[str]) -> dict[str, Any]:
 def git_state(folder: Path) -> dict[str, Any]:
     """The commit of the checkout that holds a folder, and whether tracked files differ from it."""
     commit = _git(folder, "rev-parse", "HEAD")
-    if commit is None:
+    # An environment may lie inside the checkout of something else; then nothing of this folder is tracked.
+    if commit is None or not _git(folder, "ls-files", "."):
         return {"checkout": False}
     status = _git(folder, "status", "--porcelain", "--untracked-files=no")
     return {

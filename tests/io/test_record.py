@@ -62,6 +62,8 @@ def test_git_state_follows_the_checkout(tmp_path: Path) -> None:
     git(tmp_path, "commit", "-q", "-m", "one")
     state = git_state(tmp_path)
     assert state == {"checkout": True, "commit": git(tmp_path, "rev-parse", "HEAD"), "branch": "trunk", "dirty": False}
+    (tmp_path / "site-packages").mkdir()
+    assert git_state(tmp_path / "site-packages") == {"checkout": False}
     (tmp_path / "a").write_text("2")
     assert git_state(tmp_path)["dirty"] is True
 
