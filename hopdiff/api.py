@@ -12,7 +12,7 @@ def generate(
     speed: float = 5.0,
     beta: float = 0.7,
     *,
-    search: str = "hybrid",
+    search: str = "gradient",
     seed: int = 0,
     character: str = "human",
     model: str = "smooth",

@@ -122,10 +122,12 @@ class Character:
 
         scale = float(settings.height)
         offsets = torch.tensor([_vector(joints[n].offset, f"{where}, {n}.offset") for n in order], dtype=torch.float64)
-        coms = torch.tensor([_vector(joints[n].segment.com, f"{where}, {n}.segment.com") for n in order]).double()
+        coms = torch.tensor(
+            [_vector(joints[n].segment.com, f"{where}, {n}.segment.com") for n in order], dtype=torch.float64
+        )
         gyration = torch.tensor(
-            [_vector(joints[n].segment.gyration, f"{where}, {n}.segment.gyration") for n in order]
-        ).double()
+            [_vector(joints[n].segment.gyration, f"{where}, {n}.segment.gyration") for n in order], dtype=torch.float64
+        )
         shares = []
         for name in order:
             share = joints[name].segment.mass
@@ -140,7 +142,8 @@ class Character:
             if not has_child:
                 if joints[name].end is None:
                     raise HopdiffError(f"{where}: joint {name!r} has no children and needs an `end` point.")
-                ends[name] = torch.tensor(_vector(joints[name].end, f"{where}, {name}.end")).double() * scale
+                end = _vector(joints[name].end, f"{where}, {name}.end")
+                ends[name] = torch.tensor(end, dtype=torch.float64) * scale
         parents = tuple(-1 if joints[n].parent is None else order.index(joints[n].parent) for n in order)
         offsets, coms, gyration = offsets * scale, coms * scale, gyration * scale
         masses = torch.tensor(shares, dtype=torch.float64) / sum(shares) * float(settings.mass)

@@ -23,7 +23,7 @@ from hopdiff.numerics import (
 )
 
 STANCE_NODES = 12  # on half a stance; 12 nodes leave an error below 1e-9 of the leg length in the gene box
-NEWTON_STEPS = 6
+NEWTON_STEPS = {True: 6, False: 12}  # with the flight time given, and with the stiffness given, which is harder
 
 
 class Cycle(NamedTuple):
@@ -152,7 +152,7 @@ def solve_cycle(
 
     with torch.no_grad():
         height, push = _first_guess(angle, gravity, forward, nodes, known, by_rate)
-        for _ in range(NEWTON_STEPS):
+        for _ in range(NEWTON_STEPS[by_rate]):
             step = _solve(jacobian(height, push), residual(height, push))
             # A step that would throw HIP through the ground or turn the spring round is shortened.
             limit = torch.minimum(

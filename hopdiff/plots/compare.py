@@ -5,20 +5,23 @@ from __future__ import annotations
 import csv
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
 
 from hopdiff.io.files import read_json, read_text
 from hopdiff.plots import style
 from hopdiff.types import HopdiffError
 
-_NEEDED = ("speed", "beta", "search", "seed", "cost", "energy_rate", "energy_target")
+_NUMBERS = ("speed", "beta", "cost", "energy_rate", "energy_target")
 _STYLE = (
     ("contact_time", "contact time [s]"),
     ("flight_share", "flight share of a step"),
@@ -37,23 +40,36 @@ class RunRecord:
 
 
 def read_run(folder: Path) -> RunRecord:
-    """Raises HopdiffError, naming the file, if the folder does not hold a whole run."""
-    metrics = read_json(folder / "metrics.json")
-    missing = [name for name in _NEEDED if not isinstance(metrics, dict) or name not in metrics]
-    if missing:
-        raise HopdiffError(f"{folder / 'metrics.json'} lacks {missing[0]!r}: not the metrics of a run.")
-    history: dict[str, list[float]] = {}
-    path = folder / "history.csv"
-    if path.is_file():
-        rows = list(csv.reader(read_text(path).splitlines()))
+    """Read metrics.json and, if the run came from a search, history.csv.
+
+    Raises HopdiffError, naming the file, if the folder does not hold a whole run.
+    """
+    path = folder / "metrics.json"
+    metrics = read_json(path)
+    if not isinstance(metrics, dict):
+        raise HopdiffError(f"{path} does not hold the metrics of a run.")
+    for name in (*_NUMBERS, "search"):
+        if name not in metrics:
+            raise HopdiffError(f"{path} lacks {name!r}: not the metrics of a run.")
+    for name in _NUMBERS:
+        if isinstance(metrics[name], bool) or not isinstance(metrics[name], int | float):
+            raise HopdiffError(f"{path}: {name!r} must be a number, not {metrics[name]!r}.")
+    table = folder / "history.csv"
+    return RunRecord(folder.name, metrics, _read_history(table) if table.is_file() else {})
+
+
+def _read_history(path: Path) -> dict[str, list[float]]:
+    header, *rows = list(csv.reader(read_text(path).splitlines())) or [[]]
+    if not rows or not {"spent", "best"} <= set(header):
+        raise HopdiffError(f"{path} is not the history of a search: it needs columns 'spent' and 'best', and a row.")
+    history: dict[str, list[float]] = {name: [] for name in header}
+    for number, row in enumerate(rows, start=2):
         try:
-            columns = zip(*([float(cell) for cell in row] for row in rows[1:]), strict=True)
-            history = dict(zip(rows[0], (list(column) for column in columns), strict=True))
-            if not {"spent", "best"} <= history.keys():
-                raise ValueError("lacks the columns that are drawn")
-        except (ValueError, IndexError) as error:
-            raise HopdiffError(f"{path} is not the history of a search.") from error
-    return RunRecord(folder.name, metrics, history)
+            for name, cell in zip(header, row, strict=True):
+                history[name].append(float(cell))
+        except ValueError as error:
+            raise HopdiffError(f"{path}, line {number}: not {len(header)} numbers.") from error
+    return history
 
 
 def compare_figures(records: Sequence[RunRecord]) -> dict[str, Figure]:
@@ -72,31 +88,43 @@ def convergence_overlay(records: Sequence[RunRecord]) -> Figure:
     Several runs of one search make a line for their median and a band from the least to the greatest.
     """
     searched = [record for record in records if record.history]
-    problems = sorted({(r.metrics["speed"], r.metrics["beta"]) for r in searched})
+    problems = sorted({_problem(record) for record in searched})
     columns = min(3, len(problems))
     rows = math.ceil(len(problems) / columns)
-    figure = style.new_figure(4.2 * columns + 0.6, 3.0 * rows + 0.9, "Best cost against evaluations")
+    figure = style.new_figure(4.2 * columns + 0.8, 3.0 * rows + 1.3, "Best cost against evaluations")
     panels = list(figure.subplots(rows, columns, squeeze=False).flat)
     colours = _colours(searched)
     for axes, problem in zip(panels, problems, strict=False):
         groups = defaultdict(list)
         for record in searched:
-            if (record.metrics["speed"], record.metrics["beta"]) == problem:
-                groups[record.metrics["search"]].append(record)
+            if _problem(record) == problem:
+                groups[str(record.metrics["search"])].append(record)
         for search, group in sorted(groups.items()):
             _band(axes, group, colours[search], search)
-        if axes.get_ylim()[0] > 0:
-            axes.set_yscale("log")
-        axes.set_title(f"{problem[0]:g} m/s, beta {problem[1]:g}")
+        _scale_cost(axes, [record for group in groups.values() for record in group])
+        axes.set_title(_problem_name(problem))
         style.tidy(axes)
     for axes in panels[len(problems) :]:
         axes.axis("off")
-    figure.supxlabel("evaluations (a gradient counts as several)", fontsize=10)
-    handles = {
-        label: line for axes in figure.axes for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=len(handles), frameon=False)
+    figure.supxlabel("evaluations (a gradient counts as several)", fontsize=10, color=style.INK)
+    handles = [Line2D([], [], color=colour, linewidth=1.8) for colour in colours.values()]
+    figure.legend(handles, list(colours), loc="outside lower center", ncols=min(6, len(handles)), frameon=False)
     return figure
+
+
+def _scale_cost(axes: Axes, group: Sequence[RunRecord]) -> None:
+    """A logarithmic scale that leaves the height to where the searches differ: at the end, not at the start."""
+    best = [[value for value in record.history["best"] if math.isfinite(value)] for record in group]
+    low = min((min(values) for values in best if values), default=0.0)
+    if low <= 0:
+        return
+    worst_end = max(values[-1] for values in best if values)
+    first = max(values[0] for values in best if values)
+    axes.set_yscale("log")
+    axes.set_ylim(0.9 * low, 1.1 * min(first, max(5.0 * low, 1.5 * worst_end)))
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
 
 
 def _band(axes: Axes, group: Sequence[RunRecord], colour: str, label: str) -> None:
@@ -122,29 +150,31 @@ def _held(grid: np.ndarray, spent: Sequence[float], best: Sequence[float]) -> np
 
 
 def summary_figure(records: Sequence[RunRecord]) -> Figure:
-    """Final cost, energy error and time of every run, by search."""
-    figure = style.new_figure(11.0, 4.0, "Results by search")
-    panels = figure.subplots(1, 3)
-    searches = sorted({str(record.metrics["search"]) for record in records})
+    """Final cost, energy error and time: a row for every search of every speed and beta, a dot a run, a bar the median.
+
+    Costs of different speeds or betas are never pooled: they are not of one kind.
+    """
+    groups = defaultdict(list)
+    for record in records:
+        groups[_problem(record), str(record.metrics["search"])].append(record.metrics)
+    keys = sorted(groups)
+    # Half a row of air between one speed and beta and the next.
+    places = np.cumsum([0.0] + [1.0 if a[0] == b[0] else 1.5 for a, b in pairwise(keys)])
+    figure = style.new_figure(12.0, 1.3 + 0.3 * (float(places[-1]) + 1.0), "Results by search")
+    panels = figure.subplots(1, len(_RESULTS), sharey=True)
     colours = _colours(records)
-    values = (
-        ("cost", lambda m: m["cost"]),
-        ("energy error [%]", _energy_error),
-        ("time [s]", lambda m: m.get("wall_seconds", math.nan)),
-    )
-    for axes, (label, value) in zip(panels, values, strict=True):
-        for row, search in enumerate(searches):
-            found = np.array([value(r.metrics) for r in records if str(r.metrics["search"]) == search], dtype=float)
+    for axes, (label, value) in zip(panels, _RESULTS, strict=True):
+        for place, key in zip(places, keys, strict=True):
+            found = np.array([value(metrics) for metrics in groups[key]], dtype=float)
             found = found[np.isfinite(found)]
-            if len(found) == 0:
-                continue
-            spread = np.linspace(-0.18, 0.18, len(found)) if len(found) > 1 else np.zeros(1)
-            axes.plot(found, row + spread, "o", color=colours[search], alpha=0.55, markersize=5, markeredgewidth=0)
-            axes.plot([np.median(found)] * 2, [row - 0.3, row + 0.3], color=colours[search], linewidth=2.5)
-        axes.set_yticks(range(len(searches)), searches)
-        axes.set_ylim(len(searches) - 0.5, -0.5)
+            if len(found) > 0:
+                axes.plot(found, np.full(len(found), place), "o", color=colours[key[1]], alpha=0.55, markeredgewidth=0)
+                axes.plot([np.median(found)] * 2, [place - 0.35, place + 0.35], color=colours[key[1]], linewidth=2.5)
         axes.set_xlabel(label)
         style.tidy(axes)
+    panels[0].set_yticks(places, [f"{_problem_name(problem)}:  {search}" for problem, search in keys])
+    panels[0].set_ylim(places[-1] + 0.7, -0.7)
+    panels[1].axvline(0.0, color=style.GROUND, linewidth=1.0, zorder=1)
     return figure
 
 
@@ -156,7 +186,7 @@ def style_figure(records: Sequence[RunRecord]) -> Figure:
         for i, speed in enumerate(speeds):
             groups = defaultdict(list)
             for record in records:
-                if record.metrics["speed"] == speed and name in record.metrics:
+                if record.metrics["speed"] == speed and record.metrics.get(name) is not None:
                     groups[record.metrics["beta"]].append(record.metrics[name])
             betas = sorted(groups)
             colour = style.SERIES[i % len(style.SERIES)]
@@ -165,13 +195,28 @@ def style_figure(records: Sequence[RunRecord]) -> Figure:
         axes.set_ylabel(label)
         style.tidy(axes)
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)), frameon=False)
     return figure
 
 
 def _energy_error(metrics: dict[str, Any]) -> float:
     target = metrics["energy_target"]
     return 100.0 * (metrics["energy_rate"] / target - 1.0) if target else math.nan
+
+
+_RESULTS: tuple[tuple[str, Callable[[dict[str, Any]], float | None]], ...] = (
+    ("final cost", lambda metrics: metrics["cost"]),
+    ("energy error [%]", _energy_error),
+    ("time of the search [s]", lambda metrics: metrics.get("wall_seconds")),
+)
+
+
+def _problem(record: RunRecord) -> tuple[float, float]:
+    return record.metrics["speed"], record.metrics["beta"]
+
+
+def _problem_name(problem: tuple[float, float]) -> str:
+    return f"{problem[0]:g} m/s, beta {problem[1]:g}"
 
 
 def _colours(records: Sequence[RunRecord]) -> dict[str, str]:

@@ -56,7 +56,8 @@ class Search(Protocol):
     tell takes exactly what ask returned. All randomness comes from the generator.
     """
 
-    name: str
+    @property
+    def name(self) -> str: ...
 
     def init(self, problem: Problem, generator: torch.Generator) -> Any: ...
 
