@@ -1,0 +1,50 @@
+"""What many tests start from: a problem or a body, built from the project's own settings."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from functools import cache
+from typing import Any
+
+import torch
+from omegaconf import OmegaConf
+from torch import Tensor
+
+from hopdiff.character import Character
+from hopdiff.config import build_job, compose
+from hopdiff.problem import RunProblem
+
+
+@cache
+def make_problem(*overrides: str) -> RunProblem:
+    """The problem that these overrides of the command line stand for; problems hold no state, so one serves all."""
+    return build_job(compose(overrides)).problem
+
+
+@cache
+def _settings(group: str, name: str) -> Any:
+    return OmegaConf.to_container(compose([f"{group}={name}"])[group])
+
+
+def settings_of(group: str, name: str) -> dict[str, Any]:
+    """A fresh plain copy of one settings file."""
+    return deepcopy(_settings(group, name))
+
+
+@cache
+def make_character(name: str = "human", dtype: torch.dtype = torch.float64) -> Character:
+    return Character.build(OmegaConf.create(_settings("character", name)), dtype)
+
+
+def random_genes(problem: RunProblem, count: int, seed: int = 0) -> Tensor:
+    """(count, G) candidates spread evenly over the unit box, in the problem's dtype."""
+    generator = torch.Generator().manual_seed(seed)
+    return torch.rand(count, problem.dimension, generator=generator, dtype=torch.float64).to(problem.dtype)
+
+
+def valid_genes(problem: RunProblem, count: int, seed: int = 0) -> Tensor:
+    """(count, G) random candidates that are possible runs."""
+    genes = random_genes(problem, 4 * count + 20, seed)
+    genes = genes[torch.isfinite(problem.evaluate(genes, with_grad=False).cost)]
+    assert len(genes) >= count
+    return genes[:count]
