@@ -104,9 +104,10 @@ def convergence_overlay(records: Sequence[RunRecord]) -> Figure:
         _scale_cost(axes, [record for group in groups.values() for record in group])
         axes.set_title(_problem_name(problem))
         style.tidy(axes)
+    for axes in panels[max(0, len(problems) - columns) : len(problems)]:
+        axes.set_xlabel("evaluations (a gradient counts as several)")
     for axes in panels[len(problems) :]:
         axes.axis("off")
-    figure.supxlabel("evaluations (a gradient counts as several)", fontsize=10, color=style.INK)
     handles = [Line2D([], [], color=colour, linewidth=1.8) for colour in colours.values()]
     figure.legend(handles, list(colours), loc="outside lower center", ncols=min(6, len(handles)), frameon=False)
     return figure
@@ -121,7 +122,7 @@ def _scale_cost(axes: Axes, group: Sequence[RunRecord]) -> None:
     worst_end = max(values[-1] for values in best if values)
     first = max(values[0] for values in best if values)
     axes.set_yscale("log")
-    axes.set_ylim(0.9 * low, 1.1 * min(first, max(5.0 * low, 1.5 * worst_end)))
+    axes.set_ylim(0.9 * low, 1.1 * min(first, max(8.0 * low, 1.5 * worst_end)))
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())
