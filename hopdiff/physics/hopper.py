@@ -99,7 +99,8 @@ def solve_cycle(
     Newton's method on Chebyshev nodes, without gradient, in float64; one more Newton step at the solution
     carries the gradient (implicit function theorem), with respect to all arguments.
 
-    Arguments: (P,) each, in m, rad, m/s, s and 1/s^2. Candidates without a solution come back with
+    Arguments: (P,) each, in m, rad, m/s, s and 1/s^2. One stiffness can belong to two hops if the leg folds deeply;
+    the one nearer to a linear spring is found then. Candidates without a solution come back with
     converged False and finite, meaningless numbers.
     """
     if (flight_time is None) == (stiffness is None):
