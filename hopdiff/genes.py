@@ -104,7 +104,10 @@ class GeneTable:
         for name, entry in entries.items():
             if name not in KNOWN_GENES:
                 raise HopdiffError(f"{where}: unknown gene {name!r}; known are {', '.join(KNOWN_GENES)}.")
-            unit = str(entry["unit"])
+            stray = [key for key in entry if key not in ("unit", "low", "high", "ordinary")]
+            if stray:
+                raise HopdiffError(f"{where}: gene {name!r} has an unknown entry {stray[0]!r}.")
+            unit = str(entry.get("unit"))
             if unit not in _UNITS:
                 raise HopdiffError(f"{where}: unknown unit {unit!r} of gene {name!r}; known are {', '.join(_UNITS)}.")
             low, high, ordinary = (
