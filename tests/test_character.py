@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 import torch
 from omegaconf import OmegaConf
-from tests.builders import make_character, settings_of
 
 from hopdiff.character import REQUIRED_PARENTS, Character
 from hopdiff.types import HopdiffError
+from tests.builders import make_character, settings_of
 
 BODIES = ("human", "child", "cartoon")
 
