@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import torch
 from torch import Tensor
 
 from hopdiff.character import Character
 from hopdiff.models.trajectory import Trajectory
 from hopdiff.motion import Motion
+from hopdiff.physics.hopper import Cycle, solve_cycle
 
 
 @dataclass
@@ -40,3 +42,10 @@ class Model(Protocol):
     def motion(self, genes: dict[str, Tensor], speed: Tensor, fps: float) -> Motion:
         """One stride of a single candidate (P = 1)."""
         ...
+
+
+def hopper_cycle(character: Character, genes: dict[str, Tensor], speed: Tensor) -> Cycle:
+    """The periodic hop of the genes: contact time from leg, angle and speed, flight time from the duty factor."""
+    length, angle = genes["leg_extension"] * character.leg_length, genes["touchdown_angle"]
+    contact = 2.0 * length * torch.sin(angle) / speed
+    return solve_cycle(length, angle, speed, flight_time=contact * (0.5 / genes["duty_factor"] - 1.0))

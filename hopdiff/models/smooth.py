@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.character import Character
+from hopdiff.models.base import hopper_cycle
 from hopdiff.models.body import (
     foot_height,
     hip_joint,
@@ -34,7 +35,7 @@ from hopdiff.numerics import (
     second_differentiation_matrix,
 )
 from hopdiff.physics.balance import periodic_sway, support_path, support_side
-from hopdiff.physics.hopper import Cycle, solve_cycle
+from hopdiff.physics.hopper import Cycle
 from hopdiff.physics.legs import LegPose, Swing, SwingGenes, end_rates, knee_offset, leg_pose, make_swing
 
 CONNECTIVITY_STEP = 1.0 / 60.0  # s, the frame over which connectivity extrapolates, whatever the output frame rate
@@ -79,11 +80,7 @@ class SmoothModel:
 
     def _solve(self, genes: dict[str, Tensor], speed: Tensor) -> tuple[Gait, _Step]:
         body = self.character
-        length = genes["leg_extension"] * body.leg_length
-        contact = 2.0 * length * torch.sin(genes["touchdown_angle"]) / speed
-        flight = contact * (0.5 / genes["duty_factor"] - 1.0)
-        cycle = solve_cycle(length, genes["touchdown_angle"], speed, flight_time=flight)
-
+        cycle = hopper_cycle(body, genes, speed)
         x = self._nodes(speed)
         height = cycle.stance_height_nodes(self.nodes)
         pelvis = self._pelvis(genes, cycle, x * cycle.contact_time.unsqueeze(-1))

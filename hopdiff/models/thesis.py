@@ -15,12 +15,13 @@ import torch
 from torch import Tensor
 
 from hopdiff.character import Character
+from hopdiff.models.base import hopper_cycle
 from hopdiff.models.body import foot_height, lower_centre, mirror, sway_sensitivity, upper_centre, upper_channels
 from hopdiff.models.stride import Pose, finish_stride
 from hopdiff.models.trajectory import JOINT_CHANNELS, LEG_CHANNELS, Trajectory
 from hopdiff.motion import Motion
 from hopdiff.numerics import safe_acos
-from hopdiff.physics.hopper import Cycle, solve_cycle
+from hopdiff.physics.hopper import Cycle
 from hopdiff.physics.legs import LegPose, flight_alpha, knee_offset, leg_pose
 from hopdiff.physics.stepping import Hops, flight_blend, step_balance, step_hopper
 
@@ -49,15 +50,19 @@ class ThesisModel:
 
     def frames(self, genes: dict[str, Tensor], speed: Tensor) -> Frames:
         """genes: name -> (P,) in SI units and rad. speed: (P,) [m/s]."""
-        body, g = self.character, genes
-        length = g["leg_extension"] * body.leg_length
-        contact = 2.0 * length * torch.sin(g["touchdown_angle"]) / speed
-        flight = contact * (0.5 / g["duty_factor"] - 1.0)
-        cycle = solve_cycle(length, g["touchdown_angle"], speed, flight_time=flight)
+        g = genes
+        cycle = hopper_cycle(self.character, genes, speed)
         # A step that takes half as long again as the periodic one has lost its cycle.
-        longest = math.ceil(1.5 * float(torch.nan_to_num((contact + flight).detach()).max()) / self.step) + 2
+        longest = math.ceil(1.5 * float(torch.nan_to_num(cycle.step_time.detach()).max()) / self.step) + 2
         hops = step_hopper(
-            length, g["touchdown_angle"], speed, cycle.stiffness, cycle.touchdown_rate, self.step, 1, longest
+            cycle.leg_length,
+            cycle.touchdown_angle,
+            speed,
+            cycle.stiffness,
+            cycle.touchdown_rate,
+            self.step,
+            hops=1,
+            max_frames=longest,
         )
         count = hops.alive.sum(-1)
         stance_count = (hops.alive & ~hops.in_flight).sum(-1)
