@@ -72,10 +72,11 @@ class Body:
                 parts.append(Part(bone.side, capsule(start, end, *bone.radii)))
         return parts
 
-    def lines(self, points: Array, sides: tuple[str, ...]) -> list[Array]:
-        """Centre lines (K, 2, 2) of the bones of some sides, for thin stick figures."""
+    def lines(self, points: Array, side: str, arms: bool = True) -> list[Array]:
+        """Centre lines (2, 2) of the bones of a side, for thin stick figures."""
         flat = points[:, [2, 1]]
-        return [np.stack((flat[b.start], flat[b.end])) for b in self._bones if b.side in sides]
+        bones = (bone for bone in self._bones if bone.side == side and (arms or bone.kind != "arm"))
+        return [np.stack((flat[bone.start], flat[bone.end])) for bone in bones]
 
 
 def side_of(name: str) -> str:

@@ -13,7 +13,7 @@ from hopdiff.plots.body import Array
 
 @dataclass(frozen=True)
 class Moment:
-    """A time within a stride [s]. name: what happens then, or ""; side: whose step it belongs to;
+    """A time within a stride [s]. name: what happens then; side: whose step it belongs to;
     carries: whether that side's foot is on the ground."""
 
     time: float
@@ -22,24 +22,28 @@ class Moment:
     carries: bool
 
 
-def key_moments(motion: Motion, poses: int = 10) -> list[Moment]:
-    """The key poses of a stride and even steps between them.
+_NAMES = {"stance": ("touchdown", "mid-stance", "late stance"), "flight": ("take-off", "apex", "late flight")}
 
-    Every phase is cut into an even number of equal parts, so that touchdown, mid-stance, take-off and the middle of
-    the flight (apex) are always there. poses: about how many there should be.
+
+def key_moments(motion: Motion) -> list[Moment]:
+    """Ten poses of a stride, five a step: start and middle of stance and flight, and one late in the longer of them.
+
+    The end of the stride is not among them: it looks like its start.
     """
-    stride = motion.phases[-1].end - motion.phases[0].start
-    names = {"stance": ("touchdown", "mid-stance"), "flight": ("take-off", "apex")}
     moments = []
-    for phase in motion.phases:
-        parts = 2 * max(1, round((phase.end - phase.start) * poses / stride / 2))
-        for part in range(parts):
-            time = phase.start + (phase.end - phase.start) * part / parts
-            name = names[phase.kind][0] if part == 0 else names[phase.kind][1] if 2 * part == parts else ""
-            moments.append(Moment(time, name, phase.side, phase.kind == "stance" or part == 0))
-    first = motion.phases[0]
-    last_name = names[first.kind][0]
-    return [*moments, Moment(motion.phases[-1].end, last_name, first.side, True)]
+    for step in steps(motion):
+        longer = max(step, key=lambda phase: phase.end - phase.start)
+        for phase in step:
+            shares = (0.0, 0.5, 0.75) if phase is longer else (0.0, 0.5)
+            for share, name in zip(shares, _NAMES[phase.kind], strict=False):
+                time = phase.start + share * (phase.end - phase.start)
+                moments.append(Moment(time, name, phase.side, phase.kind == "stance" or share == 0.0))
+    return moments
+
+
+def steps(motion: Motion) -> list[tuple[Phase, ...]]:
+    """The phases by step: a stance and the flight after it."""
+    return [motion.phases[start : start + 2] for start in range(0, len(motion.phases), 2)]
 
 
 def sample(times: Array, track: Array, at: Sequence[float] | Array) -> Array:

@@ -12,58 +12,59 @@ from matplotlib.ticker import MultipleLocator
 from hopdiff.motion import Motion
 from hopdiff.plots import style
 from hopdiff.plots.body import Array, Body
-from hopdiff.plots.poses import contact_points, key_moments, sample
+from hopdiff.plots.poses import Moment, contact_points, key_moments, sample
 
 _WIDTH = 15.0  # inches
+_PATH = style.SERIES[2]  # of the centre of mass
 _MARGIN = 0.25  # metres left and right of the outermost figure
 _GAP = 0.08  # metres between neighbouring figures
+_ABOVE = 0.08  # metres of paper over the highest head
+_HEAD, _LABELS, _BELOW = 0.5, 0.85, 0.55  # inches for the title, under the poses and under the trace
+_TRACE_HEIGHT = 3.2  # inches at most
 _TRACE_RATE = 30.0  # stick figures a second in the lower picture
 
 
-def strip_figure(motion: Motion, title: str = "", poses: int = 10) -> Figure:
+def strip_figure(motion: Motion, title: str = "") -> Figure:
     """Stick figures along one stride, seen from the runner's right, in true proportions.
 
-    Above: `poses` key poses or a few more or less, spread by an equal extra gap where they would overlap. Below:
-    the stride where it happens, with the path of the centre of mass and a scale of metres.
+    Above: ten key poses, spread by an equal extra gap where they would overlap. Below: legs and trunk where they
+    are, with the path of the centre of mass and a scale of metres.
     """
     body = Body(motion.clip.skeleton)
     times = motion.times.detach().cpu().double().numpy()
     points = body.points(motion.clip)
-    moments = key_moments(motion, poses)
+    moments = key_moments(motion)
     figures = sample(times, points, [moment.time for moment in moments])
     shifts = _spread(figures)
     z = figures[..., 2] + shifts[:, None]
     low, high = z.min() - _MARGIN, z.max() + _MARGIN
-    top = figures[..., 1].max()
-    inch = _WIDTH / (high - low)  # inches in a metre
-
+    upper_top = figures[..., 1].max() + _ABOVE
     trace_low, trace_high = points[..., 2].min() - _MARGIN, points[..., 2].max() + _MARGIN
-    trace_inch = min(inch, _WIDTH / (trace_high - trace_low))
-    above, labels, middle, below = (top + 0.08) * inch, 0.75, (top + 0.08) * trace_inch, 0.55
-    head = 0.5
-    height = head + above + labels + middle + below
-    figure = style.new_figure(_WIDTH, height, layout=None)
-    left = 0.02
-    figure.text(
-        left, 1 - 0.2 / height, title or _caption(motion), va="center", fontsize=13, fontweight="bold", color=style.INK
-    )
-    spread = shifts[1] if len(shifts) > 1 else 0.0
-    note = f"poses spread by {spread:.2f} m" if spread else "poses where they happen"
-    _legend(figure, 1 - 0.2 / height, note)
+    trace_top = points[..., 1].max() + _ABOVE
 
-    upper = figure.add_axes((0.0, (below + middle + labels) / height, 1.0, above / height))
-    _ground(upper, low, high, top)
+    above = _WIDTH * upper_top / (high - low)  # inches, as all heights here
+    trace_scale = min(_TRACE_HEIGHT / trace_top, _WIDTH / (trace_high - trace_low))  # inches in a metre
+    middle, share = trace_scale * trace_top, trace_scale * (trace_high - trace_low) / _WIDTH
+    height = _HEAD + above + _LABELS + middle + _BELOW
+    figure = style.new_figure(_WIDTH, height, layout=None)
+    line = 1 - 0.2 / height
+    text = title or _caption(motion)
+    figure.text(0.02, line, text, va="center", fontsize=13, fontweight="bold", color=style.INK)
+    note = f"poses spread by {shifts[1]:.2f} m" if shifts[1] else "poses where they happen"
+    figure.text(0.98, line, note, ha="right", va="center", fontsize=9, color=style.GROUND)
+    _legend(figure, line)
+
+    upper = figure.add_axes((0.0, (_BELOW + middle + _LABELS) / height, 1.0, above / height))
+    _ground(upper, low, high, upper_top)
     for moment, pose, shift in zip(moments, figures, shifts, strict=True):
         draw_body(upper, body, pose, shift)
-        _label(upper, moment.name, moment.side, moment.time, _centre(pose) + shift)
-    for moment, pose, shift in zip(moments, figures, shifts, strict=True):
+        _label(upper, moment, _centre(pose) + shift)
         if moment.carries:
             _contact_mark(upper, _foot(body, pose, moment.side) + shift, moment.side)
 
-    share = (trace_high - trace_low) * trace_inch / _WIDTH
-    lower = figure.add_axes(((1 - share) / 2, below / height, share, middle / height))
+    lower = figure.add_axes(((1 - share) / 2, _BELOW / height, share, middle / height))
     _trace(lower, motion, body, times, points)
-    lower.set(xlim=(trace_low, trace_high), ylim=(0.0, top + 0.08))
+    lower.set(xlim=(trace_low, trace_high), ylim=(0.0, trace_top))
     return figure
 
 
@@ -99,7 +100,7 @@ def _foot(body: Body, pose: Array, side: str) -> float:
 
 
 def _ground(axes: Axes, low: float, high: float, top: float) -> None:
-    axes.set(xlim=(low, high), ylim=(0.0, top + 0.08))
+    axes.set(xlim=(low, high), ylim=(0.0, top))
     axes.axis("off")
     axes.plot((low, high), (0, 0), color=style.GROUND, linewidth=2.0, clip_on=False, zorder=2)
 
@@ -110,23 +111,24 @@ def _contact_mark(axes: Axes, z: float, side: str) -> None:
     )
 
 
-def _label(axes: Axes, name: str, side: str, time: float, z: float) -> None:
-    place = axes.transData
-    lines = [(name or "·", 0.30, 10.0, "bold" if name else "normal", style.SIDE_COLOURS[side])]
-    lines += [(f"{side if name else ''}", 0.47, 9.0, "normal", style.SIDE_COLOURS[side])]
-    lines += [(f"{time:.2f} s", 0.63, 8.5, "normal", style.GROUND)]
-    for text, inches, size, weight, colour in lines:
+def _label(axes: Axes, moment: Moment, z: float) -> None:
+    colour = style.SIDE_COLOURS[moment.side]
+    lines = (
+        (moment.name, 0.30, 10.0, "bold", colour),
+        (moment.side, 0.47, 9.0, "normal", colour),
+        (f"{moment.time:.2f} s", 0.63, 8.5, "normal", style.GROUND),
+    )
+    for text, inches, size, weight, ink in lines:
         axes.annotate(
             text,
             (z, 0),
             (0, -72 * inches),
-            xycoords=place,
             textcoords="offset points",
             ha="center",
             va="center",
             fontsize=size,
             fontweight=weight,
-            color=colour,
+            color=ink,
             annotation_clip=False,
         )
 
@@ -135,19 +137,19 @@ def _trace(axes: Axes, motion: Motion, body: Body, times: Array, points: Array) 
     """Thin figures at an even rate, the path of the centre of mass, the footholds and a metre scale."""
     count = max(2, round((times[-1] - times[0]) * _TRACE_RATE) + 1)
     poses = sample(times, points, np.linspace(times[0], times[-1], count))
-    for order, (sides, colour, width) in enumerate(
-        ((("left",), style.pale(style.LEFT, 0.35), 1.0), (("middle",), style.BODY, 1.2), (("right",), style.RIGHT, 1.0))
-    ):
-        lines = [line for pose in poses for line in body.lines(pose, sides)]
-        axes.add_collection(LineCollection(lines, colors=colour, linewidths=width, alpha=0.75, zorder=2 + order))
+    # Without arms: over each other they would hide what the legs do.
+    inks = (("left", style.pale(style.LEFT, 0.35), 1.2), ("middle", style.BODY, 1.4), ("right", style.RIGHT, 1.2))
+    for order, (side, colour, width) in enumerate(inks):
+        lines = [line for pose in poses for line in body.lines(pose, side, arms=False)]
+        axes.add_collection(LineCollection(lines, colors=colour, linewidths=width, alpha=0.8, zorder=2 + order))
     com = motion.com.detach().cpu().double().numpy()
-    axes.plot(com[:, 2], com[:, 1], color="#009E73", linewidth=2.2, zorder=6)
+    axes.plot(com[:, 2], com[:, 1], color=_PATH, linewidth=2.2, zorder=6)
     axes.annotate(
         "centre of mass",
         (com[-1, 2], com[-1, 1]),
         (6, 0),
         textcoords="offset points",
-        color="#009E73",
+        color=_PATH,
         fontsize=9,
         va="center",
     )
@@ -162,8 +164,10 @@ def _trace(axes: Axes, motion: Motion, body: Body, times: Array, points: Array) 
     axes.xaxis.set_major_locator(MultipleLocator(0.5))
 
 
-def _legend(figure: Figure, y: float, note: str) -> None:
-    figure.text(0.98, y, note, ha="right", va="center", fontsize=9, color=style.GROUND)
+def _legend(figure: Figure, y: float) -> None:
+    for x, side, text in ((0.42, "right", "right, near"), (0.52, "left", "left, far")):
+        figure.text(x, y, "\u25a0", va="center", ha="right", fontsize=13, color=FILL[side])
+        figure.text(x + 0.004, y, text, va="center", fontsize=9, color=style.INK)
 
 
 def _caption(motion: Motion) -> str:
