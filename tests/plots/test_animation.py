@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image, ImageSequence
+
+from hopdiff.motion import Motion
+from hopdiff.plots.animation import loop_timing, write_gif
+from hopdiff.types import HopdiffError
+
+
+def frames_of(path: Path) -> tuple[list[np.ndarray], list[int]]:
+    """Pictures as seen, and milliseconds each is shown."""
+    with Image.open(path) as gif:
+        shown = [
+            (np.asarray(frame.convert("RGB"), dtype=int), frame.info["duration"])
+            for frame in ImageSequence.Iterator(gif)
+        ]
+    return [picture for picture, _ in shown], [duration for _, duration in shown]
+
+
+@pytest.fixture
+def gif(motion: Motion, tmp_path: Path) -> Path:
+    write_gif(tmp_path / "run.gif", motion)
+    return tmp_path / "run.gif"
+
+
+@given(stride=st.floats(0.25, 2.0))
+def test_a_loop_lasts_whole_strides(stride: float) -> None:
+    strides, delays = loop_timing(stride)
+    assert sum(delays) / 100 == pytest.approx(strides * stride, rel=0.005)
+    assert strides <= 4
+    # Viewers slow a frame of less than two hundredths down to ten.
+    assert set(delays) <= {2, 3, 4}
+    assert 30 <= 100 * len(delays) / sum(delays) <= 50 or sum(delays) < 90
+
+
+def test_one_stride_where_one_will_do() -> None:
+    assert loop_timing(0.60)[0] == 1
+    assert loop_timing(0.456)[0] > 1
+
+
+def test_it_runs_at_true_speed_forever(gif: Path, motion: Motion) -> None:
+    _, delays = frames_of(gif)
+    assert sum(delays) == pytest.approx(1000 * float(motion.times[-1]), rel=0.005)
+    with Image.open(gif) as picture:
+        assert picture.info["loop"] == 0
+    assert gif.stat().st_size < 500_000
+
+
+def test_the_loop_has_no_seam(gif: Path) -> None:
+    pictures, _ = frames_of(gif)
+    changes = [np.abs(b - a).mean() for a, b in zip(pictures, [*pictures[1:], pictures[0]], strict=True)]
+    assert min(changes) > 0.1 * float(np.median(changes)), "a frame is shown twice"
+    assert changes[-1] < 1.5 * max(changes[:-1]), "the end does not lead to the start"
+
+
+def test_the_runner_stays_in_the_picture_and_above_the_ground(gif: Path) -> None:
+    pictures, _ = frames_of(gif)
+    height, width, _ = pictures[0].shape
+    for picture in pictures:
+        orange = (picture[..., 0] > 180) & (picture[..., 2] < 40)
+        rows, columns = np.nonzero(orange)
+        assert len(rows) > 0.01 * height * width, "the near side is not drawn"
+        assert columns.min() > 0
+        assert columns.max() < width - 1
+        assert (picture[0] == 255).all(), "no air above the head"
+
+
+def test_the_ground_moves_backwards(gif: Path) -> None:
+    pictures, _ = frames_of(gif)
+    marks = [picture[-12, :, 0] < 230 for picture in pictures[:2]]
+    overlap = [int((marks[0] & np.roll(marks[1], shift)).sum()) for shift in range(-60, 61)]
+    assert int(np.argmax(overlap)) - 60 > 0  # the second picture must be pushed forward to fit the first
+
+
+def test_a_place_that_is_not_there(motion: Motion, tmp_path: Path) -> None:
+    with pytest.raises(HopdiffError, match=r"nowhere.run\.gif"):
+        write_gif(tmp_path / "nowhere" / "run.gif", motion)
