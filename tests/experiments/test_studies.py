@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(autouse=True)
+def from_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT))
+
+
+def test_reach_measures_judges_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from experiments.reach.__main__ import main
+    from experiments.report import read_table
+
+    arguments = f"--speeds 3 --betas .2,.7 --seeds 0 --search random --evaluations 200 --out {tmp_path}"
+    main(arguments.split())
+    rows = read_table(tmp_path / "runs.csv")
+    assert [float(row["beta"]) for row in rows] == [0.2, 0.7]
+    assert all(float(row["travel"]) == pytest.approx(3.0, abs=1e-6) for row in rows)
+    assert (tmp_path / "trends.png").stat().st_size > 10_000
+    first = (tmp_path / "results.md").read_text()
+    assert "| speed exact to 1e-9 | 2 of 2 | yes |" in first
+    (tmp_path / "results.md").unlink()
+    main(["--redraw", "--out", str(tmp_path)])
+    assert "| speed exact to 1e-9 | 2 of 2 | yes |" in (tmp_path / "results.md").read_text()
+    assert "energy within 2 %" in capsys.readouterr().out
+
+
+def test_reach_names_what_misses_a_bar() -> None:
+    from experiments.reach.__main__ import KEPT, report
+    from experiments.reach.bars import trend_breaks
+
+    good = dict.fromkeys(KEPT, 0.0)
+    good |= {"speed": 3.0, "travel": 3.0, "beta": 0.2, "cost": 1.0, "energy_rate": 0.25, "energy_target": 0.25}
+    good |= {"contact_time": 0.28, "flight_share": 0.3, "com_oscillation": 0.08, "arm_swing_deg": 20.0}
+    brisker = good | {"beta": 0.7, "energy_rate": 2.33, "energy_target": 7 / 3}
+    brisker |= {"contact_time": 0.26, "flight_share": 0.4, "com_oscillation": 0.1, "arm_swing_deg": 30.0}
+    assert "**no**" not in report([good, brisker])
+    text = report([good | {"energy_rate": 0.256, "com_oscillation": 0.14}, brisker])
+    assert "3 m/s, beta 0.2, seed 0: energy_error 0.024" in text
+    assert "3 m/s: com_oscillation from beta 0.2 to 0.7 goes 0.14 to 0.1" in text
+    assert trend_breaks([good, brisker | {"arm_swing_deg": 20.0}])[1] == [
+        "3 m/s: arm_swing_deg from beta 0.2 to 0.7 goes 20 to 20"
+    ]
+
+
+def test_searches_goes_on_where_it_stopped_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from experiments.searches.__main__ import main
+
+    arguments = (
+        f"--speeds 3 --betas .5 --evaluations 250 --repeats 1 --traces {tmp_path}/traces --out {tmp_path}".split()
+    )
+    main([*arguments, "--seeds", "0", "--searches", "random", "gradient:starts=4,screen=20"])
+    assert capsys.readouterr().out.count("seed 0:") == 2
+    main([*arguments, "--seeds", "0-1", "--searches", "random", "gradient:starts=4,screen=20"])
+    shown = capsys.readouterr().out
+    assert "seed 0:" not in shown
+    assert shown.count("seed 1:") == 2
+    assert "gradient:starts=4,screen=20" in (tmp_path / "results.md").read_text()
+    assert (tmp_path / "results_ecdf.png").stat().st_size > 10_000
+    assert (tmp_path / "results_convergence.png").stat().st_size > 10_000
+
+
+def test_expected_running_time_counts_the_failures() -> None:
+    from experiments.searches.analysis import Study, priced
+    from experiments.searches.bench import Case, Point, Trace
+
+    case = Case(3.0, 0.5)
+    luck = Trace("a", case, 0, [Point(100, 0, 1.0, 2.0), Point(200, 50, 2.0, 1.0)])
+    loss = Trace("a", case, 1, [Point(100, 0, 1.0, 3.0), Point(400, 100, 4.0, 1.5)])
+    study = Study([luck, loss])
+    assert study.hit(luck, 0.1, priced(2.0)) == 300
+    assert study.expected_time("a", case, 0.1, priced(2.0)) == 300 + 600
+    assert study.expected_time("a", case, 0.5, priced(1.0)) == (250 + 500) / 2
+    assert math.isinf(study.hit(loss, 0.1, priced(2.0)))
+    assert study.success("a", 0.1) == 0.5
+    assert study.ecdf("a", priced(2.0))[1][-1] == (7 + 1) / 14
