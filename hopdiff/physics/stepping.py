@@ -93,7 +93,7 @@ def step_hopper(
         time = torch.where(leaves | lands, zero, next_time)
         before = torch.where(lands, start_height - step * landing_rate - 0.5 * step**2 * GRAVITY, height)
         foot = torch.where(lands, next_forward + reach, foot)
-        hop = hop + lands
+        hop = hop + (lands & alive)
         in_flight = (in_flight | leaves) & ~lands
         alive = alive & ~fails & (hop < hops)
         # A dead hopper stays where it is, so that nothing grows without bound.

@@ -1,0 +1,167 @@
+"""Legs: geometry of a pose, and curves through the air without a jump in angle or rate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import Tensor
+
+from hopdiff.numerics import chebyshev_nodes
+from hopdiff.physics.legs import (
+    FLIGHT_ROOM,
+    STRAIGHTEST_KNEE,
+    LegPose,
+    Swing,
+    SwingGenes,
+    end_rates,
+    flight_alpha,
+    knee_offset,
+    leg_pose,
+    leg_reach,
+    make_swing,
+)
+
+THIGH, SHANK = 0.42, 0.5
+
+
+def column(*values: float) -> Tensor:
+    return torch.tensor(values, dtype=torch.float64)
+
+
+def swings(count: int = 50) -> Swing:
+    """Swings of a human-sized leg at many speeds, with the rates of a planted foot under a hip that travels."""
+    random = torch.rand(9, count, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
+
+    def between(row: int, low: float, high: float) -> Tensor:
+        return low + (high - low) * random[row]
+
+    speed, angle, contact, flight = between(0, 3, 8), between(1, 0.3, 0.5), between(2, 0.12, 0.2), between(3, 0.08, 0.2)
+    reach = 0.97 * (THIGH + SHANK)
+    knee = torch.acos((torch.tensor(reach) ** 2 - THIGH**2 - SHANK**2) / (2 * THIGH * SHANK)).double().expand(count)
+    still = torch.zeros(count, dtype=torch.float64)
+    turn = -speed * torch.cos(angle) / reach
+    fold = speed * torch.sin(angle) / (0.5 * SHANK)
+    return make_swing(
+        contact,
+        flight,
+        start=LegPose(-angle, knee, still - 0.05),
+        start_rate=LegPose(turn, -fold, still + 0.1),
+        end=LegPose(angle, knee, still - 0.03),
+        end_rate=LegPose(turn, fold, still - 0.2),
+        genes=SwingGenes(
+            between(4, 0.15, 0.5),
+            between(5, -1.0, -0.6),
+            between(6, 0.8, 1.5),
+            between(7, 1.7, 2.2),
+            between(8, 0.04, 0.1),
+        ),
+        hip_height=still + 0.85,
+        thigh=THIGH,
+        shank=SHANK,
+    )
+
+
+def at(curve: Callable[[Tensor], LegPose], x: float, duration: Tensor) -> tuple[Tensor, Tensor]:
+    """Pose (3, P) and its rate [rad/s] at a share x of a phase."""
+    share = torch.full_like(duration, x).requires_grad_(True)
+    pose = curve(share)
+    rates = [torch.autograd.grad(value.sum(), share, retain_graph=True)[0] / duration for value in pose]
+    return torch.stack([value.detach()[:, 0] for value in pose]), torch.stack([rate[:, 0] for rate in rates])
+
+
+@given(st.floats(-0.2, 0.2), st.floats(-0.6, 0.6), st.floats(0.3, 0.6))
+def test_a_pose_puts_the_foot_where_it_was_asked(left: float, forward: float, down: float) -> None:
+    pose, reach = leg_pose(column(left), column(-down), column(forward), THIGH, SHANK)
+    distance = math.hypot(left, forward, down)
+    assert float(reach) == pytest.approx(distance / (THIGH + SHANK), abs=1e-12)
+    assert float(leg_reach(pose.knee, THIGH, SHANK)) == pytest.approx(distance, abs=1e-8)
+    # Walk down the leg: thigh and shank in the plane, then the plane tilted.
+    thigh = float(pose.angle + knee_offset(pose.knee, THIGH, SHANK))
+    shank = thigh - float(pose.knee)
+    ahead = THIGH * math.sin(thigh) + SHANK * math.sin(shank)
+    below = THIGH * math.cos(thigh) + SHANK * math.cos(shank)
+    tilt = float(pose.tilt)
+    assert (below * math.sin(tilt), below * math.cos(tilt), ahead) == pytest.approx((left, down, forward), abs=1e-8)
+    assert 0.0 <= float(pose.knee) < math.pi
+
+
+def test_a_foot_out_of_reach_straightens_the_knee_and_says_so() -> None:
+    pose, reach = leg_pose(column(0.0), column(-1.0), column(0.0), THIGH, SHANK)
+    assert float(pose.knee) == pytest.approx(0.0, abs=1e-4)
+    assert float(reach) > 1.0
+
+
+def test_end_rates_of_a_known_curve() -> None:
+    x = chebyshev_nodes(12, torch.float64, torch.device("cpu"))
+    first, last = end_rates(torch.sin(2.0 * x).unsqueeze(0), column(0.5))
+    assert float(first) == pytest.approx(4.0, abs=1e-8)
+    assert float(last) == pytest.approx(4.0 * math.cos(2.0), abs=1e-8)
+
+
+def test_the_air_takes_over_from_stance_and_hands_back_to_it() -> None:
+    """Both ends carry the pose and the rates of the stance, so that the foot is at rest on the ground there."""
+    swing = swings()
+    for curve, x, pose, rate in (
+        (swing.first_flight, 0.0, swing.start, swing.start_rate),
+        (swing.last_flight, 1.0, swing.end, swing.end_rate),
+    ):
+        found, found_rate = at(curve, x, swing.flight)
+        torch.testing.assert_close(found, torch.stack([v[:, 0] for v in pose]), atol=1e-10, rtol=0.0)
+        torch.testing.assert_close(found_rate, torch.stack([v[:, 0] for v in rate]), atol=1e-8, rtol=0.0)
+
+
+def test_no_jump_in_angle_or_rate_between_the_phases() -> None:
+    swing = swings()
+    for before, after in (
+        (at(swing.first_flight, 1.0, swing.flight), at(swing.swing, 0.0, swing.contact)),
+        (at(swing.swing, 0.5 - 1e-12, swing.contact), at(swing.swing, 0.5, swing.contact)),
+        (at(swing.swing, 1.0, swing.contact), at(swing.last_flight, 0.0, swing.flight)),
+    ):
+        torch.testing.assert_close(before[0], after[0], atol=1e-9, rtol=0.0)
+        torch.testing.assert_close(before[1], after[1], atol=1e-6, rtol=0.0)
+
+
+def test_the_genes_are_where_they_say() -> None:
+    swing = swings()
+    angle, knee = at(swing.swing, 0.0, swing.contact)[0][:2]
+    torch.testing.assert_close(angle, swing.angle_start[:, 0])
+    torch.testing.assert_close(knee, swing.knees[1][:, 0])
+    torch.testing.assert_close(at(swing.swing, 0.5, swing.contact)[0][1], swing.knees[2][:, 0])
+
+
+def test_clearance_is_kept_at_the_other_legs_takeoff() -> None:
+    swing = swings()
+    angle, knee, _ = at(swing.last_flight, 0.0, swing.flight)[0]
+    clearance = 0.85 - leg_reach(knee, THIGH, SHANK) * torch.cos(angle)
+    assert ((clearance > 0.04 - 1e-9) & (clearance < 0.1 + 1e-9)).all()
+
+
+def test_the_knee_does_not_lock_where_the_leg_lets_go_of_the_ground() -> None:
+    swing = swings(200)
+    x = torch.linspace(0.0, 1.0, 400, dtype=torch.float64).expand(200, -1)
+    for curve in (swing.first_flight, swing.last_flight):
+        assert float(curve(x).knee.min()) > (1.0 - FLIGHT_ROOM) * STRAIGHTEST_KNEE
+
+
+def test_the_leg_swings_past_its_touchdown_angle_and_peaks_at_alpha() -> None:
+    swing = swings()
+    shares = torch.linspace(0.0, 1.0, 4001, dtype=torch.float64).expand(len(swing.flight), -1)
+    angle = swing.last_flight(shares).angle
+    peak = shares[0, angle.argmax(-1)]
+    torch.testing.assert_close(peak, swing.alpha[:, 0], atol=3e-4, rtol=0.0)
+    # Equation (6): the way past the end, as a share of the way from start to end.
+    alpha = swing.alpha[:, 0]
+    overshoot = (angle.amax(-1) - angle[:, 0]) / (angle[:, -1] - angle[:, 0])
+    torch.testing.assert_close(overshoot, alpha**2 / (2.0 * alpha - 1.0), rtol=1e-5, atol=0.0)
+
+
+def test_alpha_comes_from_the_rate_at_touchdown() -> None:
+    reach, rate, duration = column(0.3), column(-6.0), column(0.15)
+    alpha = float(flight_alpha(reach, rate, duration))
+    # B_c'(T) T = (2 - 2 alpha) / (1 - 2 alpha), times the reach over T.
+    assert 0.3 / 0.15 * (2.0 - 2.0 * alpha) / (1.0 - 2.0 * alpha) == pytest.approx(-6.0)
