@@ -23,7 +23,7 @@ class ModelSettings:
     """
 
     name: str = "smooth"
-    nodes: int = 12
+    nodes: int = 28
     sweeps: int = 2
     step: float = 0.005
     strides: int = 8

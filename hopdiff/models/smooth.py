@@ -71,7 +71,7 @@ class SmoothModel:
     """character: the body. nodes: Chebyshev nodes per phase. sweeps: corrections of the balance with the true body."""
 
     character: Character
-    nodes: int = 12
+    nodes: int = 28
     sweeps: int = 2
 
     def solve(self, genes: dict[str, Tensor], speed: Tensor) -> Gait:
