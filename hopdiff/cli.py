@@ -30,6 +30,8 @@ def main() -> int:
     """
     wish = os.environ.get("HYDRA_FULL_ERROR")
     os.environ["HYDRA_FULL_ERROR"] = "1"  # so that Hydra hands its errors over instead of printing them
+    # A sweep is first composed with the default search, which need not have the setting: `build_search` checks it.
+    sys.argv[1:] = [f"++{word}" if word.startswith("search.") else word for word in sys.argv[1:]]
     try:
         register_schema()
         hydra.main(config_path=str(config_folder()), config_name="config", **HYDRA_BASE)(job)()

@@ -43,7 +43,7 @@ MISTAKES = {
     "budget.evaluation=5": "Did you mean 'budget.evaluations'?",
     "budget.gradient_price=-1": "budget.gradient_price must be",
     "search=gaa": "Unknown search 'gaa': choose one of cmaes, ga, gradient, hybrid, random. Did you mean 'ga'?",
-    "search.popsize=3": "Unknown setting 'search.popsize'",
+    "search.popsize=3": "Unknown setting of search gradient 'popsize': choose one of method, name",
     "+search.popsize=3": "popsize",
     "+search=ga": "write search=NAME, without the plus",
     "model=smoth": "Unknown model 'smoth': choose one of smooth, thesis. Did you mean 'smooth'?",

@@ -71,14 +71,15 @@ def write_pictures(folder: Path, run: Run) -> dict[str, Path]:
 def summary(folder: Path, job: Job, run: Run) -> str:
     """The table at the end of a run: what was asked, what was reached, where the files are."""
     m = run.metrics
-    miss = 100.0 * (m["energy_rate"] / m["energy_target"] - 1.0) if m["energy_target"] else float("nan")
+    # At beta 0 the target is zero, which nobody reaches: there is no percentage to give.
+    miss = f" ({100.0 * (m['energy_rate'] / m['energy_target'] - 1.0):+.1f} %)" if m["energy_target"] else ""
     searched = (
         f"{m['search']}, {m['evaluations']} evaluations, {m['gradient_evaluations']} gradients,"
         f" {m['wall_seconds']:.1f} s, {100 * m['invalid_fraction']:.0f} % impossible"
     )
     rows = [
         ("asked", f"speed {m['speed']:g} m/s, beta {m['beta']:g}, so energy {m['energy_target']:.3f}"),
-        ("reached", f"energy {m['energy_rate']:.3f} ({miss:+.1f} %), cost {m['cost']:.4f}, gamma {m['gamma']:.3f}"),
+        ("reached", f"energy {m['energy_rate']:.3f}{miss}, cost {m['cost']:.4f}, gamma {m['gamma']:.3f}"),
         (
             "",
             f"contact {m['contact_time']:.3f} s, flight {m['flight_time']:.3f} s, bounce {m['com_oscillation']:.3f} m",
