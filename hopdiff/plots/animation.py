@@ -13,7 +13,7 @@ from hopdiff.motion import Motion
 from hopdiff.plots import style
 from hopdiff.plots.body import Array, Body
 from hopdiff.plots.poses import sample
-from hopdiff.plots.strip import FILL
+from hopdiff.plots.strip import EDGE, FILL
 
 _DELAY = 3  # hundredths of a second between frames, about
 _TOLERANCE = 0.005  # of the playing time
@@ -89,7 +89,7 @@ def _draw(body: Body, pose: Array, first: float, top: float, reach: float, mark:
     for z in first + mark * np.arange(-count, count + 1):
         canvas.line(pixels(np.array([[z, 0.0], [z - 0.05, -0.06]])), fill=style.GROUND, width=line)
     for part in body.parts(pose):
-        canvas.polygon(pixels(part.outline), fill=FILL[part.side], outline="white", width=_SUPERSAMPLE)
+        canvas.polygon(pixels(part.outline), fill=FILL[part.side], outline=EDGE[part.side], width=_SUPERSAMPLE)
     return image.resize((width, height), Image.Resampling.BOX)
 
 

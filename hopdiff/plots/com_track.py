@@ -33,7 +33,7 @@ def com_track_figure(motion: Motion, strides: int = 2) -> Figure:
             left, forward = 100.0 * float(place[0]), float(place[2] + k * travel[2])
             axes.add_patch(
                 Ellipse(
-                    (forward, left), 0.16, 1.2, color=style.SIDE_COLOURS[name], label=f"{name} foot" if k == 0 else None
+                    (forward, left), 0.26, 0.7, color=style.SIDE_COLOURS[name], label=f"{name} foot" if k == 0 else None
                 )
             )
     low, high = axes.get_ylim()
@@ -41,5 +41,5 @@ def com_track_figure(motion: Motion, strides: int = 2) -> Figure:
     axes.set_ylim(-reach, reach)
     axes.set_xlabel("forward [m]")
     axes.set_ylabel("to the left [cm]")
-    figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from hopdiff.plots import style
 from hopdiff.search.loop import HistoryRow
@@ -28,6 +29,9 @@ def convergence_figure(history: Sequence[HistoryRow], title: str = "Search") -> 
         upper.set_yscale("log")
         # The median of a young population is far off: the best deserves the height.
         upper.set_ylim(0.9 * min(finite), max(10 * min(finite), 1.5 * max(finite)))
+        upper.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        upper.yaxis.set_major_formatter("{x:g}")
+        upper.yaxis.set_minor_locator(NullLocator())
     upper.set_ylabel("cost")
     upper.legend(frameon=False, fontsize=9)
     _curve(lower, spent, [_or_gap(row.gamma) for row in history], "gamma", style.SERIES[1])

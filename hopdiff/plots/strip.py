@@ -71,12 +71,13 @@ def strip_figure(motion: Motion, title: str = "") -> Figure:
 def draw_body(axes: Axes, body: Body, pose: Array, shift: float = 0.0) -> None:
     """Fill one figure into a side view. pose: (J + E, 3) [m]; shift: added along the way [m]."""
     for order, part in enumerate(body.parts(pose)):
-        colour = FILL[part.side]
-        outline = part.outline + np.array([shift, 0.0])
-        axes.add_patch(Polygon(outline, facecolor=colour, edgecolor="white", linewidth=0.7, zorder=3 + 0.01 * order))
+        outline, fill, edge = part.outline + np.array([shift, 0.0]), FILL[part.side], EDGE[part.side]
+        axes.add_patch(Polygon(outline, facecolor=fill, edgecolor=edge, linewidth=0.7, zorder=3 + 0.01 * order))
 
 
 FILL = {"left": style.pale(style.LEFT, 0.45), "middle": style.BODY, "right": style.RIGHT}
+# White sets limb off from limb; trunk, neck and head are one piece.
+EDGE = {"left": "#FFFFFF", "middle": style.BODY, "right": "#FFFFFF"}
 
 
 def _spread(figures: Array) -> Array:
