@@ -20,7 +20,8 @@ from hopdiff.types import Status
 
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
 ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
-LEAST_DEMAND = 0.05  # weight of the energy target at beta 0, where it cannot be met, relative to beta >= 0.2
+LEAST_DEMAND = 0.1  # weight of the energy target at beta 0, where it cannot be met, relative to beta >= 0.2
+CALMEST = 0.5  # share of the ordinary target down to which the style follows beta
 JOINT_LIMIT_SCALE = 0.5  # rad beyond its range at which a joint is grossly wrong
 
 
@@ -32,7 +33,7 @@ class StyleSettings:
     lean of the trunk to be trunk_lean_deg at every briskness.
     """
 
-    weight: float = 2.0
+    weight: float = 10.0
     contact_time: float = -0.06
     flight_time: float = 0.10
     bounce: float = 0.10
@@ -163,7 +164,7 @@ def arm_swing(trajectory: Trajectory) -> Tensor:
 
 def style_mismatch(trajectory: Trajectory, ordinary: Ordinary, style: StyleSettings, beta: float) -> Tensor:
     """Squared logarithmic distance from what the briskness asks, summed over the quantities of the style (P,)."""
-    growth = math.log(max(energy_target(beta), 0.1 * ORDINARY_TARGET) / ORDINARY_TARGET)
+    growth = math.log(max(energy_target(beta), CALMEST * ORDINARY_TARGET) / ORDINARY_TARGET)
     total = torch.zeros_like(trajectory.speed)
     for value, usual, exponent in (
         (trajectory.contact_time, ordinary.contact_time, style.contact_time),
@@ -220,7 +221,7 @@ def excesses(trajectory: Trajectory, character: Character, limits: LimitSettings
     waist = trajectory.angles[..., columns["trunk_lean"]] - trajectory.pelvis_tilt.unsqueeze(-1)
     low, high = character.limits["waist"]
     joints += [largest(waist - high), largest(low - waist)]
-    lowest = -largest(-trajectory.foot_height.amin(-1))
+    lowest = trajectory.foot_height.flatten(1).amin(-1)
     tolerance = 1e-3 * limits.foot_below_ground_mm
     return {
         Status.LEG_OVERREACH: (trajectory.reach - limits.reach) / 0.05,

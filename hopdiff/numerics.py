@@ -92,6 +92,13 @@ def mirrored_half(n: int, m: int, dtype: torch.dtype, device: torch.device) -> T
     return torch.as_tensor(_mirrored_half(n, m), dtype=dtype, device=device)
 
 
+@lru_cache
+def even_interpolation(n: int, m: int, dtype: torch.dtype, device: torch.device) -> Tensor:
+    """(m, n) matrix from n Chebyshev nodes to m even samples of [0, 1], both ends included."""
+    matrix = chebyshev_interpolation_numpy(n, np.linspace(0.0, 1.0, m))
+    return torch.as_tensor(matrix, dtype=dtype, device=device)
+
+
 def chebyshev_interpolation_numpy(n: int, x: np.ndarray) -> np.ndarray:
     """(len(x), n) matrix from node values to values at x in [0, 1]."""
     nodes = _chebyshev(n)[0]

@@ -31,6 +31,7 @@ from hopdiff.numerics import (
     chebyshev_interpolate,
     chebyshev_nodes,
     differentiation_matrix,
+    even_interpolation,
     integration_matrix,
     second_differentiation_matrix,
 )
@@ -38,6 +39,7 @@ from hopdiff.physics.balance import periodic_sway, support_path, support_side
 from hopdiff.physics.hopper import Cycle
 from hopdiff.physics.legs import LegPose, Swing, SwingGenes, end_rates, knee_offset, leg_pose, make_swing
 
+FOOT_SAMPLES = 48  # moments a phase at which a foot must be above the ground; it can dip between the nodes
 CONNECTIVITY_STEP = 1.0 / 60.0  # s, the frame over which connectivity extrapolates, whatever the output frame rate
 
 
@@ -216,9 +218,7 @@ class SmoothModel:
                 (step.target_side - lower[0] - upper[0], step.target_forward - lower[2] - upper[2]), dim=-1
             ),
             com_height=step.height + lower[1] + upper[1],
-            foot_height=torch.stack(
-                [foot_height(self.character, step.base, step.height, side) for side in ("left", "right")], dim=-1
-            ),
+            foot_height=torch.stack([self._dense_foot_height(step, side) for side in ("left", "right")], dim=-1),
             leg_force=torch.cat((force, torch.zeros_like(force)), dim=-1),
             reach=gait.reach,
             pelvis_tilt=genes["pelvis_tilt"],
@@ -228,6 +228,12 @@ class SmoothModel:
             sway_stiffness=gait.sway_stiffness,
             solved=cycle.converged,
         )
+
+    def _dense_foot_height(self, step: _Step, side: str) -> Tensor:
+        """Foot heights (P, 2 K) between the nodes of stance and flight too, K = FOOT_SAMPLES a phase."""
+        heights = foot_height(self.character, step.base, step.height, side).unflatten(1, (2, -1))
+        dense = even_interpolation(self.nodes, FOOT_SAMPLES, heights.dtype, heights.device)
+        return (heights @ dense.T).flatten(1)
 
     def sample(self, gait: Gait, times: Tensor) -> Pose:
         """The first candidate at times (T,) since left touchdown, anywhere in its endless run [s]."""

@@ -207,7 +207,7 @@ class ThesisModel:
             com_height=f.hops.height + com_height,
             foot_height=torch.stack(
                 [foot_height(self.character, f.base, f.hops.height, side) for side in ("left", "right")], dim=-1
-            ),
+            ).masked_fill(~used.unsqueeze(-1), 0.0),
             leg_force=torch.where(f.hops.in_flight, torch.zeros_like(force), force),
             reach=f.reach,
             pelvis_tilt=genes["pelvis_tilt"],

@@ -40,7 +40,8 @@ class Trajectory(NamedTuple):
     rates_before, rates_after: (P, 4) leg joint rates predicted across take-off from the stance and found at the
         start of flight [rad/s], compared by connectivity.
     balance_error: (P, M, 2) target minus actual centre of mass on the ground plane, left and forward [m].
-    com_height: (P, M) [m]. foot_height: (P, M, 2) left and right contact point above the ground [m].
+    com_height: (P, M) [m]. foot_height: (P, K, 2) left and right contact point above the ground at K moments, dense
+        enough that nothing dips between them [m].
     leg_force: (P, M) force along the stance leg in body weights, zero in flight.
     reach: (P,) longest stance leg in units of the straight leg. trunk_from_pelvis: (P, M) waist flexion [rad].
     contact_time, flight_time, speed: (P,) [s, s, m/s]. sway_stiffness: (P,) of the fore-aft balance [1/s].
