@@ -1,0 +1,103 @@
+"""The problem as a search sees it: gradients, failures, neighbours."""
+
+from __future__ import annotations
+
+import warnings
+
+import pytest
+import torch
+from torch import Tensor
+
+from hopdiff.config import build_job, compose
+from hopdiff.problem import RunProblem
+from hopdiff.types import HopdiffError, Status
+
+
+def problem(*settings: str) -> RunProblem:
+    return build_job(compose(settings)).problem
+
+
+def draw(of: RunProblem, count: int, seed: int = 0, inside: float = 0.0) -> Tensor:
+    """Random candidates, `inside` away from the sides of the box."""
+    generator = torch.Generator().manual_seed(seed)
+    return inside + (1.0 - 2.0 * inside) * torch.rand(count, of.dimension, generator=generator, dtype=of.dtype)
+
+
+@pytest.mark.parametrize("form", ["smooth", "ratio"])
+@pytest.mark.parametrize("priced", ["eval", "merit"])
+def test_gradients_agree_with_central_differences(form: str, priced: str) -> None:
+    """Of eval and of the whole merit, by every gene, at 100 random possible runs."""
+    p = problem("speed=5", "beta=0.5", f"costs.gamma={form}")
+    genes = draw(p, 140, inside=0.01)
+    genes = genes[p.evaluate(genes, with_grad=False).status == Status.OK][:100]
+    assert len(genes) == 100
+
+    def price(x: Tensor) -> Tensor:
+        merit, terms, _ = p.price(x, p.trajectory(x))
+        return merit if priced == "merit" else terms["eval"]
+
+    leaf = genes.clone().requires_grad_()
+    (gradient,) = torch.autograd.grad(price(leaf).sum(), leaf)
+    step = 1e-6
+    for gene, name in enumerate(p.table.names):
+        shift = torch.zeros(p.dimension, dtype=p.dtype)
+        shift[gene] = step
+        with torch.no_grad():
+            difference = (price(genes + shift) - price(genes - shift)) / (2.0 * step)
+        error = (difference - gradient[:, gene]).abs() / gradient.abs().amax(-1)
+        assert float(error.max()) < 1e-4, name
+
+
+@pytest.mark.parametrize("speed", [3, 5, 8])
+def test_most_of_the_box_is_possible(speed: int) -> None:
+    p = problem(f"speed={speed}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = p.evaluate(draw(p, 4096), with_grad=True)
+    assert result.grad is not None
+    assert bool(torch.isfinite(result.grad).all())
+    valid = result.status == Status.OK
+    assert float(valid.double().mean()) >= 0.8
+    assert bool(torch.isfinite(result.cost[valid]).all())
+    assert bool(torch.isinf(result.cost[~valid]).all())
+
+
+def test_neighbours_do_not_matter() -> None:
+    p = problem("speed=4")
+    genes = draw(p, 12)
+    together = p.evaluate(genes, with_grad=True)
+    spoiled = genes.clone()
+    spoiled[0] = torch.nan
+    spoiled[1] = 50.0
+    beside = p.evaluate(spoiled, with_grad=True)
+    assert not torch.isfinite(beside.cost[:2]).any()
+    for i in range(2, 12):
+        alone = p.evaluate(genes[i : i + 1], with_grad=True)
+        for other in (together, beside):
+            torch.testing.assert_close(other.merit[i], alone.merit[0], rtol=1e-9, atol=1e-12)
+            torch.testing.assert_close(other.grad[i], alone.grad[0], rtol=1e-6, atol=1e-9)
+            assert int(other.status[i]) == int(alone.status[0])
+
+
+@pytest.mark.parametrize("model", ["smooth", "thesis"])
+@pytest.mark.parametrize("character", ["human", "child", "cartoon"])
+def test_the_ordinary_run_has_the_energy_of_beta_0_2(model: str, character: str) -> None:
+    p = problem("beta=0.2", f"model={model}", f"character={character}", "speed=4")
+    result = p.evaluate(p.ordinary_genes.unsqueeze(0), with_grad=False)
+    assert int(result.status) == Status.OK
+    assert float(result.terms["energy"]) == pytest.approx(0.25, rel=1e-9)
+
+
+def test_single_precision_prices_alike() -> None:
+    double, single = problem("speed=5"), problem("speed=5", "dtype=float32")
+    genes = draw(double, 64)
+    a, b = double.evaluate(genes, with_grad=False), single.evaluate(genes.float(), with_grad=False)
+    both = (a.status == Status.OK) & (b.status == Status.OK)
+    assert int(both.sum()) > 50
+    torch.testing.assert_close(b.terms["energy"][both].double(), a.terms["energy"][both], rtol=2e-2, atol=1e-3)
+
+
+@pytest.mark.parametrize(("speed", "says"), [(0.2, "no ordinary run exists at speed=0.2")])
+def test_a_speed_without_an_ordinary_run_is_refused(speed: float, says: str) -> None:
+    with pytest.raises(HopdiffError, match=says):
+        problem(f"speed={speed}")
