@@ -1,0 +1,133 @@
+"""The numbers of a run against what can be worked out from its frames."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from hopdiff.geometry.rotation import axis_rotation
+from hopdiff.metrics import loop_error, motion_metrics, run_metrics, stance_foot_drift
+from hopdiff.motion import Motion
+from tests.builders import make_problem, valid_genes
+
+NEEDED = (
+    *("speed", "beta", "cost", "gamma", "energy_rate", "energy_rate_raw", "energy_unit", "energy_target"),
+    *("contact_time", "flight_time", "step_frequency", "step_length", "duty_factor", "com_oscillation"),
+    *("peak_leg_force_bw", "knee_touchdown_deg", "knee_stance_max_deg", "knee_swing_max_deg", "trunk_lean_deg"),
+    *("stance_foot_drift", "min_foot_clearance", "loop_error"),
+)
+
+
+@pytest.fixture(scope="module")
+def stride() -> tuple[dict[str, float], Motion]:
+    problem = make_problem("speed=5", "beta=0.5")
+    genes = valid_genes(problem, 1, seed=11)[0]
+    return run_metrics(problem, genes), problem.motion(genes, 240.0)
+
+
+@pytest.mark.parametrize("model", ["smooth", "thesis"])
+def test_all_that_is_promised_is_there_and_finite(model: str) -> None:
+    problem = make_problem("speed=5", "beta=0.5", f"model={model}")
+    measured = run_metrics(problem, problem.ordinary_genes)
+    for name in NEEDED:
+        assert math.isfinite(measured[name]), name
+
+
+def test_times_and_lengths_hang_together(stride: tuple[dict[str, float], Motion]) -> None:
+    m, motion = stride
+    step = m["contact_time"] + m["flight_time"]
+    assert motion.clip.duration == pytest.approx(2.0 * step, abs=1e-9)
+    assert m["stride_time"] == pytest.approx(2.0 * step)
+    assert m["step_frequency"] == pytest.approx(1.0 / step)
+    assert m["step_length"] == pytest.approx(5.0 * step)
+    assert m["duty_factor"] == pytest.approx(m["contact_time"] / (2.0 * step))
+    assert m["flight_share"] == pytest.approx(m["flight_time"] / step)
+    travelled = motion.clip.root_position[-1, 2] - motion.clip.root_position[0, 2]
+    assert float(travelled) / motion.clip.duration == pytest.approx(m["speed"], abs=1e-12)
+    assert m["energy_rate"] == pytest.approx(m["energy_rate_raw"] / m["energy_unit"])
+    assert m["energy_target"] == pytest.approx(1.0)
+
+
+def test_contact_time_is_what_the_feet_show(stride: tuple[dict[str, float], Motion]) -> None:
+    m, motion = stride
+    ground = motion.clip.end_positions()["left_knee"][:, 1].abs() < 1e-6
+    assert float(ground.sum()) * motion.clip.frame_time == pytest.approx(m["contact_time"], abs=2.5 / 240.0)
+
+
+def test_bounce_from_the_masses_of_the_segments(stride: tuple[dict[str, float], Motion]) -> None:
+    m, motion = stride
+    body = make_problem("speed=5", "beta=0.5").character
+    positions, orientations = body.skeleton.forward(motion.clip.root_position, motion.clip.rotations)
+    centre = torch.zeros(motion.clip.frames, 3, dtype=torch.float64)
+    for k in range(len(body.skeleton.names)):
+        place = positions[:, k] + torch.einsum("tij,j->ti", orientations[:, k], body.coms[k])
+        centre += body.masses[k] / body.mass * place
+    assert m["com_oscillation"] == pytest.approx(float(centre[:, 1].max() - centre[:, 1].min()), abs=1e-9)
+
+
+def test_knee_angles_from_the_joints_of_the_frames(stride: tuple[dict[str, float], Motion]) -> None:
+    m, motion = stride
+    points = motion.clip.joint_positions()
+    index = motion.clip.skeleton.index
+    thigh = points[:, index("left_knee")] - points[:, index("left_hip")]
+    shank = motion.clip.end_positions()["left_knee"] - points[:, index("left_knee")]
+    cosine = (thigh * shank).sum(-1) / (thigh.norm(dim=-1) * shank.norm(dim=-1))
+    knee = torch.rad2deg(torch.acos(cosine.clamp(-1.0, 1.0)))
+    standing = motion.contact[:, 0]
+    assert m["knee_touchdown_deg"] == pytest.approx(float(knee[0]), abs=1e-4)
+    assert m["knee_stance_max_deg"] == pytest.approx(float(knee[standing].max()), abs=1e-4)
+    assert m["knee_swing_max_deg"] == pytest.approx(float(knee[~standing].max()), abs=1e-4)
+
+
+def test_trunk_lean_from_the_frames(stride: tuple[dict[str, float], Motion]) -> None:
+    m, motion = stride
+    _, orientations = motion.clip.skeleton.forward(motion.clip.root_position, motion.clip.rotations)
+    up = orientations[:-1, motion.clip.skeleton.index("waist"), :, 1]
+    # Forward tilt of the trunk's own up axis; yaw and side bend change it little.
+    lean = torch.rad2deg(torch.atan2(up[:, 2], up[:, 1])).mean()
+    assert m["trunk_lean_deg"] == pytest.approx(float(lean), abs=1.0)
+
+
+def test_peak_force_lies_between_mean_and_limit(stride: tuple[dict[str, float], Motion]) -> None:
+    m, _ = stride
+    mean = 1.0 + m["flight_time"] / m["contact_time"]
+    assert mean < m["peak_leg_force_bw"] < 2.5 * mean
+
+
+def test_a_slipping_foot_is_seen(stride: tuple[dict[str, float], Motion]) -> None:
+    _, motion = stride
+    feet = motion.feet.clone()
+    middle = int(motion.contact[:, 0].sum()) // 2
+    feet[middle, 0, 0] += 0.013
+    assert stance_foot_drift(motion) < 1e-6
+    assert stance_foot_drift(replace(motion, feet=feet)) == pytest.approx(0.013, abs=1e-6)
+
+
+def test_a_sunken_foot_is_seen(stride: tuple[dict[str, float], Motion]) -> None:
+    _, motion = stride
+    feet = motion.feet.clone()
+    feet[3, 1, 1] = -0.02
+    assert motion_metrics(replace(motion, feet=feet))["min_foot_clearance"] == pytest.approx(-0.02)
+
+
+@pytest.mark.parametrize("angle", [1e-6, 1e-3, 0.5])
+def test_a_loop_that_does_not_close_is_measured_in_radians(
+    stride: tuple[dict[str, float], Motion], angle: float
+) -> None:
+    _, motion = stride
+    rotations = motion.clip.rotations.clone()
+    rotations[-1, 3] = rotations[0, 3] @ axis_rotation("X", torch.tensor(angle, dtype=torch.float64))
+    broken = replace(motion, clip=replace(motion.clip, rotations=rotations))
+    assert loop_error(motion) < 1e-7
+    assert loop_error(broken) == pytest.approx(angle, rel=1e-3, abs=1e-8)
+
+
+def test_a_loop_that_drops_is_measured_in_metres(stride: tuple[dict[str, float], Motion]) -> None:
+    _, motion = stride
+    root = motion.clip.root_position.clone()
+    root[-1, 1] -= 0.004
+    broken = replace(motion, clip=replace(motion.clip, root_position=root))
+    assert loop_error(broken) == pytest.approx(0.004, abs=1e-6)
