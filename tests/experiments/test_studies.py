@@ -80,3 +80,12 @@ def test_expected_running_time_counts_the_failures() -> None:
     assert math.isinf(study.hit(loss, 0.1, priced(2.0)))
     assert study.success("a", 0.1) == 0.5
     assert study.ecdf("a", priced(2.0))[1][-1] == (7 + 1) / 14
+
+
+def test_bench_prints_its_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from experiments.bench.__main__ import main
+
+    main(["--sizes", "2", "--rounds", "1", "--evaluations", "200", "--out", str(tmp_path)])
+    text = (tmp_path / "results.md").read_text()
+    assert text.count("| float32 | 2 |") == text.count("| float64 | 2 |") == 1
+    assert "| gradient |" in text
