@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from hopdiff.config import build_job, compose
 from hopdiff.costs import energy_rate_raw
 from hopdiff.metrics import loop_error, stance_foot_drift
 from hopdiff.models.smooth import Gait, SmoothModel
@@ -14,6 +15,7 @@ from hopdiff.models.trajectory import JOINT_CHANNELS
 from hopdiff.motion import Motion
 from hopdiff.numerics import chebyshev_nodes
 from hopdiff.problem import RunProblem
+from hopdiff.search.loop import Budget, run_search
 from tests.builders import make_problem, valid_genes
 
 SPEEDS = (2.0, 5.0, 10.0)
@@ -171,6 +173,18 @@ def test_the_nodes_see_the_energy_of_every_candidate(speed: float) -> None:
     assert float(error.quantile(0.9)) < 0.01
     # Only a knee that takes off all but straight, at many turns a second, is too short a stop for the nodes.
     assert float((error > 0.05).double().mean()) < 0.03
+
+
+def test_a_search_finds_no_energy_that_the_nodes_miss() -> None:
+    """What a brisk search asks for is what its motion costs, measured with many more nodes."""
+    job = build_job(compose(["speed=8", "beta=0.8"]))
+    problem = job.problem
+    found = run_search(problem, job.search, Budget(2500), torch.Generator().manual_seed(0))
+    fine = SmoothModel(problem.character, nodes=64)
+    genes, pace = problem.table.decode(found.best_genes.unsqueeze(0)), torch.tensor([8.0], dtype=torch.float64)
+    with torch.no_grad():
+        raw = float(energy_rate_raw(fine.trajectory(genes, pace), problem.character))
+    assert raw / problem.ordinary.energy_unit == pytest.approx(found.best_terms["energy"], rel=0.015)
 
 
 def test_the_balance_leaves_no_error_on_average() -> None:
