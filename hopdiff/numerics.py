@@ -29,11 +29,6 @@ def smooth_max(a: Tensor, b: Tensor | float, width: float) -> Tensor:
     return 0.5 * (a + b + torch.sqrt((a - b) ** 2 + width**2))
 
 
-def smooth_abs(x: Tensor, width: float) -> Tensor:
-    """|x| rounded over about `width` around zero; zero at zero."""
-    return torch.sqrt(x * x + width**2) - width
-
-
 @lru_cache
 def _chebyshev(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Nodes on [0, 1] (ends included, ascending), differentiation, running integral, quadrature weights."""

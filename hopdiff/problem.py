@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -138,7 +137,3 @@ class RunProblem:
         speed = torch.full((1,), self.speed, dtype=genes.dtype, device=genes.device)
         with torch.no_grad():
             return self.model.motion(self.table.decode(genes.unsqueeze(0)), speed, fps)
-
-    def with_beta(self, beta: float) -> RunProblem:
-        """The same body and speed at another briskness."""
-        return RunProblem(self.character, self.table, self.model, replace(self.settings), self.speed, beta)

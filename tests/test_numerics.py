@@ -38,11 +38,6 @@ def test_smooth_max_is_an_upper_envelope(a: float, b: float, width: float) -> No
     assert value <= max(a, b) + 0.5 * width + 1e-12
 
 
-def test_smooth_abs_is_zero_at_zero_and_abs_far_away() -> None:
-    x = torch.tensor([-100.0, 0.0, 100.0], dtype=torch.float64)
-    assert torch.allclose(numerics.smooth_abs(x, 0.1), torch.tensor([99.9, 0.0, 99.9], dtype=torch.float64), atol=1e-3)
-
-
 @pytest.mark.parametrize("n", [4, 12, 33])
 def test_nodes_differentiate_and_integrate_polynomials_exactly(n: int) -> None:
     x = numerics.chebyshev_nodes(n, *HERE)

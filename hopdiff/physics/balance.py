@@ -14,8 +14,6 @@ from torch import Tensor
 
 from hopdiff.numerics import chebyshev_nodes, integration_matrix
 
-SMALLEST_STIFFNESS = 0.02  # 1/s; below it the body would take minutes to settle over its feet
-
 
 def support_path(kind: str, phase: Tensor, contact: Tensor, flight: Tensor, speed: Tensor) -> Tensor:
     """Forward position of the target relative to HIP over one step (P, M) [m], equation (7).
