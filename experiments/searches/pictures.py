@@ -43,9 +43,9 @@ def convergence_figure(study: Study, price: float) -> Figure:
     figure = style.new_figure(
         12, 3.2 * rows + 0.8, "Excess over the best known cost, median and quartiles over the seeds"
     )
-    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat
+    panels = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
     clock = priced(price)
-    for axes in list(panels)[len(study.best) :]:
+    for axes in panels[len(study.best) :]:
         axes.set_visible(False)
     for axes, case in zip(panels, study.best, strict=False):
         style.tidy(axes).set_title(str(case))
