@@ -15,6 +15,7 @@ from torch import Tensor
 
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.proportions import ProportionSettings, factors_of, grow
 from hopdiff.types import HopdiffError
 
 REQUIRED_PARENTS = {
@@ -59,12 +60,15 @@ class JointSettings:
 
 @dataclass
 class CharacterSettings:
-    """A body. height [m], mass [kg]; joint_limits_deg: flexion range (low, high) by joint kind."""
+    """A body. height: unit of all lengths, what the unchanged body measures [m]. mass [kg]. proportions: how it is
+    changed. joint_limits_deg: flexion range (low, high) by joint kind.
+    """
 
     name: str = "human"
     source: str = ""
     height: float = 1.75
     mass: float = 70.0
+    proportions: ProportionSettings = field(default_factory=ProportionSettings)
     joints: dict[str, JointSettings] = field(default_factory=dict)
     joint_limits_deg: dict[str, list[float]] = field(default_factory=dict)
 
@@ -73,6 +77,7 @@ class CharacterSettings:
 class Character:
     """A body in SI units, ready for physics.
 
+    height: from sole to crown, standing [m].
     masses: (J,) [kg]. coms: (J, 3) segment centres of mass in their joint's frame [m].
     inertias: (J, 3) moment of inertia of everything that hangs on a joint, body straight, about the joint's
     left, up and forward axes [kg m^2]. limits: flexion range by joint kind [rad].
@@ -121,6 +126,7 @@ class Character:
             raise HopdiffError(f"{where}: unknown joint {extra[0]!r}; known are {', '.join(REQUIRED_PARENTS)}.")
 
         scale = float(settings.height)
+        factors = factors_of(settings.proportions, order)
         offsets = torch.tensor([_vector(joints[n].offset, f"{where}, {n}.offset") for n in order], dtype=torch.float64)
         coms = torch.tensor(
             [_vector(joints[n].segment.com, f"{where}, {n}.segment.com") for n in order], dtype=torch.float64
@@ -145,8 +151,11 @@ class Character:
                 end = _vector(joints[name].end, f"{where}, {name}.end")
                 ends[name] = torch.tensor(end, dtype=torch.float64) * scale
         parents = tuple(-1 if joints[n].parent is None else order.index(joints[n].parent) for n in order)
-        offsets, coms, gyration = offsets * scale, coms * scale, gyration * scale
-        masses = torch.tensor(shares, dtype=torch.float64) / sum(shares) * float(settings.mass)
+        sizes = torch.tensor(factors, dtype=torch.float64)
+        offsets, ends = grow(offsets * scale, ends, order, parents, sizes)
+        coms, gyration = coms * scale * sizes[:, None], gyration * scale * sizes[:, None]
+        masses = torch.tensor(shares, dtype=torch.float64) * sizes
+        masses = masses / masses.sum() * float(settings.mass)
         skeleton = Skeleton(tuple(order), parents, offsets, ends)
 
         thigh = float(offsets[order.index("left_knee")].norm())
@@ -166,7 +175,7 @@ class Character:
         ends = {name: point.to(device, dtype) for name, point in ends.items()}
         return cls(
             name=settings.name,
-            height=scale,
+            height=_standing_height(skeleton),
             mass=float(settings.mass),
             skeleton=Skeleton(skeleton.names, parents, offsets.to(device, dtype), ends),
             masses=masses.to(device, dtype),
@@ -225,6 +234,13 @@ class Character:
         """(..., 3) centre of mass [m], Kang (1999) equation (8), from what forward kinematics gave."""
         centres = positions + (orientations @ self.coms.to(orientations).unsqueeze(-1)).squeeze(-1)
         return (centres * (self.masses / self.mass).unsqueeze(-1)).sum(-2)
+
+
+def _standing_height(skeleton: Skeleton) -> float:
+    """From the ground to the crown in the rest pose [m]."""
+    still = torch.eye(3, dtype=skeleton.offsets.dtype).expand(len(skeleton.names), 3, 3)
+    ends = skeleton.end_positions(*skeleton.forward(skeleton.offsets[0], still))
+    return float(ends["neck"][1])
 
 
 def _positive(value: Any) -> bool:

@@ -11,7 +11,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from hopdiff.config import HYDRA_BASE, config_folder, known_settings, register_schema
+from hopdiff.config import HYDRA_BASE, config_folder, known_settings, register_schema, with_new_names
 from hopdiff.errors import sentence
 from hopdiff.perform import perform
 from hopdiff.types import HopdiffError
@@ -30,8 +30,7 @@ def main() -> int:
     """
     wish = os.environ.get("HYDRA_FULL_ERROR")
     os.environ["HYDRA_FULL_ERROR"] = "1"  # so that Hydra hands its errors over instead of printing them
-    # A sweep is first composed with the default search, which need not have the setting: `build_search` checks it.
-    sys.argv[1:] = [f"++{word}" if word.startswith("search.") else word for word in sys.argv[1:]]
+    sys.argv[1:] = with_new_names(sys.argv[1:])
     try:
         register_schema()
         hydra.main(config_path=str(config_folder()), config_name="config", **HYDRA_BASE)(job)()

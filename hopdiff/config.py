@@ -21,11 +21,14 @@ from hopdiff.genes import GeneSettings, GeneTable
 from hopdiff.messages import choose, near, one_line
 from hopdiff.models import build_model
 from hopdiff.models.base import ModelSettings
+from hopdiff.models.limp import LimpSettings
 from hopdiff.problem import RunProblem
 from hopdiff.search import SEARCHES
 from hopdiff.search.base import Search
 from hopdiff.search.loop import Budget
+from hopdiff.tasks.hopper import HopperSettings
 from hopdiff.tasks.job import Job
+from hopdiff.tasks.path import PathSettings, Route, plan
 from hopdiff.types import HopdiffError
 
 DTYPES = {"float32": torch.float32, "float64": torch.float64}
@@ -35,7 +38,7 @@ MAX_FPS = 10_000.0
 HYDRA_BASE: dict[str, Any] = {"version_base": None} if hydra.__version__ < "1.4" else {}
 
 # What a genes file brings along: a replay takes these from the file unless they are typed on the command line.
-SAVED = ("speed", "beta", "seed", "fps", "dtype", "model", "character", "costs", "genes")
+SAVED = ("speed", "beta", "seed", "fps", "dtype", "model", "character", "costs", "genes", "limp")
 
 
 @dataclass
@@ -68,6 +71,7 @@ class Config:
     fps: float = 60.0
     runs: str | None = None
     genes_file: str | None = None
+    pictures: bool = True
     budget: BudgetSettings = field(default_factory=BudgetSettings)
     task: TaskSettings = field(default_factory=TaskSettings)
     model: ModelSettings = field(default_factory=ModelSettings)
@@ -75,6 +79,18 @@ class Config:
     character: CharacterSettings = field(default_factory=CharacterSettings)
     costs: CostSettings = field(default_factory=CostSettings)
     genes: GeneSettings = field(default_factory=GeneSettings)
+    limp: LimpSettings = field(default_factory=LimpSettings)
+    path: PathSettings = field(default_factory=PathSettings)
+    hopper: HopperSettings = field(default_factory=HopperSettings)
+
+
+def with_new_names(words: Sequence[str]) -> list[str]:
+    """Words of the command line, those marked "++" whose settings need not be there before they are set.
+
+    A sweep is first composed with the default search, which need not have the setting of another; `build_search`
+    checks it. No gene is fixed until the user names one; `GeneTable.build` checks that.
+    """
+    return [f"++{word}" if word.startswith(("search.", "genes.fixed.")) else word for word in words]
 
 
 @cache
@@ -100,7 +116,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
     GlobalHydra.instance().clear()
     try:
         with hydra.initialize_config_dir(str(config_folder()), job_name="hopdiff", **HYDRA_BASE):
-            return hydra.compose("config", list(overrides))
+            return hydra.compose("config", with_new_names(overrides))
     finally:
         GlobalHydra.instance().hydra = outer
 
@@ -169,10 +185,11 @@ def build_job(config: DictConfig) -> Job:
     dtype = DTYPES[choose("dtype", settings.dtype, DTYPES)]
     device = build_device(settings.device, dtype)
     character = Character.build(settings.character, dtype, device)
-    table = GeneTable.build(settings.genes, character.leg_length, settings.speed, dtype, device)
-    model = build_model(settings.model, character)
+    limping = settings.limp.amount > 0
+    table = GeneTable.build(settings.genes, character.leg_length, settings.speed, dtype, device, limping)
+    model = build_model(settings.model, character, settings.limp)
     problem = RunProblem(character, table, model, settings.costs, settings.speed, settings.beta)
-    plain: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
+    plain = plain_settings(config)
     return Job(
         problem=problem,
         table=table,
@@ -184,6 +201,23 @@ def build_job(config: DictConfig) -> Job:
         settings=plain,
         saved={name: plain[name] for name in SAVED},
     )
+
+
+def plain_settings(config: DictConfig) -> dict[str, Any]:
+    """The whole configuration as plain data."""
+    plain: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
+    return plain
+
+
+def build_character(config: DictConfig) -> Character:
+    """The body of the settings, whatever they ask of it. Raises HopdiffError, naming the setting."""
+    return Character.build(checked(config).character)
+
+
+def build_route(config: DictConfig) -> Route:
+    """The path of the settings, checked against what their body can run. Raises HopdiffError, naming the setting."""
+    character = build_character(config)
+    return plan(checked(config).path, character.leg_length, character.name)
 
 
 def check_numbers(settings: Config) -> None:

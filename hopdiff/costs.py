@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.character import Character
-from hopdiff.models.trajectory import JOINT_CHANNELS, Trajectory
+from hopdiff.models.trajectory import JOINT_CHANNELS, LEG_CHANNELS, Trajectory
 from hopdiff.numerics import GRAVITY, safe_sqrt
 from hopdiff.types import Status
 
@@ -88,15 +88,12 @@ def connectivity(trajectory: Trajectory, form: str, guard: float) -> Tensor:
 
     form "smooth": sum of (a - b)^2 / (a^2 + b^2 + guard^2), at most 2 a joint. form "ratio": sum of
     (max / min - 1)^2 as printed, where the smaller magnitude is kept away from zero by `guard` [rad/s] and a
-    change of sign counts with the distance between the rates.
+    change of sign counts with the distance between the rates. Of the two take-offs of a limp it is the mean.
     """
     a, b = trajectory.rates_after, trajectory.rates_before
-    gap = (a - b) ** 2
-    if form == "smooth":
-        return (gap / (a**2 + b**2 + guard**2)).sum(-1)
     # max/min - 1 = |a - b| / min for rates of one sign.
-    smaller = torch.minimum(a**2, b**2)
-    return (gap / (smaller + guard**2)).sum(-1)
+    scale = a**2 + b**2 if form == "smooth" else torch.minimum(a**2, b**2)
+    return ((a - b) ** 2 / (scale + guard**2)).sum(-1) * (LEG_CHANNELS / a.shape[-1])
 
 
 def joint_effort(trajectory: Trajectory, character: Character) -> Tensor:
@@ -116,7 +113,7 @@ def energy_rate_raw(trajectory: Trajectory, character: Character) -> Tensor:
     weight = character.mass * GRAVITY
     torque = weight * safe_sqrt((trajectory.balance_error**2).sum(-1))
     work = joint_effort(trajectory, character).sum(-1) * pace + (torque * trajectory.weights).sum(-1) / pace
-    return work / (weight * step_length(trajectory))
+    return work / (weight * trajectory.speed * trajectory.duration)
 
 
 def evaluation(gamma: Tensor, energy: Tensor, beta: float) -> Tensor:
@@ -143,7 +140,7 @@ def energy_mismatch(energy: Tensor, beta: float) -> Tensor:
 
 def leg_effort(trajectory: Trajectory) -> Tensor:
     """Mean square of the leg force over the step in body weights, less the 1 of standing still (P,)."""
-    return (trajectory.leg_force**2 * trajectory.weights).sum(-1) / step_time(trajectory) - 1.0
+    return (trajectory.leg_force**2 * trajectory.weights).sum(-1) / trajectory.duration - 1.0
 
 
 def com_bounce(trajectory: Trajectory) -> Tensor:
@@ -157,7 +154,7 @@ def arm_swing(trajectory: Trajectory) -> Tensor:
     """Root mean square swing of both shoulders about their mean (P,) [rad]."""
     names = [name for name, _, _ in JOINT_CHANNELS]
     arms = trajectory.angles[..., [names.index("left_shoulder"), names.index("right_shoulder")]]
-    share = (trajectory.weights / (2.0 * step_time(trajectory).unsqueeze(-1))).unsqueeze(-1)
+    share = (trajectory.weights / (2.0 * trajectory.duration.unsqueeze(-1))).unsqueeze(-1)
     mean = (arms * share).sum((1, 2), keepdim=True)
     return safe_sqrt(((arms - mean) ** 2 * share).sum((1, 2)))
 
@@ -179,7 +176,7 @@ def style_mismatch(trajectory: Trajectory, ordinary: Ordinary, style: StyleSetti
 def posture_mismatch(trajectory: Trajectory, lean: float) -> Tensor:
     """Squared distance of the mean trunk lean from `lean` (P,) [rad^2]."""
     column = [name for name, _, _ in JOINT_CHANNELS].index("trunk_lean")
-    mean = (trajectory.angles[..., column] * trajectory.weights).sum(-1) / step_time(trajectory)
+    mean = (trajectory.angles[..., column] * trajectory.weights).sum(-1) / trajectory.duration
     return (mean - lean) ** 2
 
 

@@ -3,26 +3,36 @@
 
 The table is data (`conf/genes/*.yaml`). A range end is a number, or a table from Froude speed v / sqrt(g l) to a
 number, so that one table serves every speed and every leg length; between the entries it is linear, beyond them
-constant. Searches see the unit box [0, 1]^G only.
+constant. Searches see the unit box [0, 1]^G only. Three settings choose which entries become genes: `fixed` gives a
+gene one value, `common_eta` puts one balance gain in the place of all of them (Kang 1999, section 3.3), and a limp
+adds the genes of the lame leg.
 """
 
 import itertools
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
+from hopdiff.messages import near
 from hopdiff.numerics import GRAVITY
 from hopdiff.types import HopdiffError
 
 
 @dataclass
 class GeneSettings:
-    """name: of the table. genes: gene name -> {unit, low, high, ordinary}."""
+    """name: of the table. genes: gene name -> {unit, low, high, ordinary}.
+
+    common_eta: all joints and axes answer the balance error with one gain, the gene `eta`. fixed: gene name -> the one
+    value it has, in the unit of the table.
+    """
 
     name: str = "default"
+    common_eta: bool = False
+    fixed: dict[str, float] = field(default_factory=dict)
     genes: dict[str, Any] = field(default_factory=dict)
 
 
@@ -62,13 +72,37 @@ KNOWN_GENES: dict[str, tuple[float, float]] = {
     "eta_elbow": (-1e3, 1e3),
 }
 
+# Froude speeds that the tables describe: from a slow jog to a sprint. Beyond, the nearest values hold.
+FROUDE_RANGE = (0.4, 3.3)
+
+# One gain for all joints and axes, and the genes whose place it takes.
+ETA = "eta"
+ETAS = tuple(name for name in KNOWN_GENES if name.startswith("eta_"))
+
+# A lame leg may have its own value of these; `lame_ease` is how much softer than the other it comes down.
+LAME = "lame_"
+LAME_TWINS = (
+    "swing_reach",
+    "swing_angle_start",
+    "swing_knee_start",
+    "swing_knee_middle",
+    "swing_clearance_end",
+)
+_OPTIONAL = {
+    ETA: (-1e3, 1e3),
+    **{f"{LAME}{name}": KNOWN_GENES[name] for name in LAME_TWINS},
+    f"{LAME}ease": (-1.0, 1.0),
+}
+
 
 @dataclass(frozen=True)
 class GeneTable:
     """Genes at one speed of one body.
 
-    names, units: G strings. low, high, ordinary: (G,) in table units; `ordinary` is everyday running, the point
-    that calibrates the energy unit. scale: (G,) from table units to what the physics uses.
+    names, units: G strings. low, high, ordinary: (G,) in table units; `ordinary` is everyday running, but for the
+    fixed genes, whose low, high and ordinary are one. scale: (G,) from table units to what the physics uses.
+    everyday: gene name -> (1,) in SI units and rad, the everyday run that calibrates the energy unit: whatever is
+    fixed, it is the same, and it does not limp.
     """
 
     name: str
@@ -78,6 +112,7 @@ class GeneTable:
     high: Tensor
     ordinary: Tensor
     scale: Tensor
+    everyday: dict[str, Tensor] = field(default_factory=dict)
 
     @classmethod
     def build(
@@ -87,49 +122,46 @@ class GeneTable:
         speed: float,
         dtype: torch.dtype = torch.float64,
         device: torch.device | str = "cpu",
+        limping: bool = False,
     ) -> "GeneTable":
-        """Table at a speed [m/s] for a leg length [m].
+        """Table at a speed [m/s] for a leg length [m]. limping: whether the genes of a lame leg belong to it.
 
         Raises HopdiffError, naming the gene, for an unknown or missing gene, an unknown unit, a range that is empty
-        or reaches to where the gene makes no sense (alpha at 1/2, a duty factor of 1/2, ...), or an ordinary value
-        outside its range.
+        or reaches to where the gene makes no sense (alpha at 1/2, a duty factor of 1/2, ...), an ordinary value
+        outside its range, or a fixed value that makes no sense or belongs to no gene.
         """
         froude = speed / math.sqrt(GRAVITY * leg_length)
         where = f"gene table {settings.name!r}"
-        entries = dict(settings.genes)
-        for name in KNOWN_GENES:
-            if name not in entries:
+        for name in (*KNOWN_GENES, *([ETA] if settings.common_eta else [])):
+            if name not in settings.genes:
                 raise HopdiffError(f"{where}: the gene {name!r} is missing.")
-        rows, units = [], []
-        for name, entry in entries.items():
-            if name not in KNOWN_GENES:
-                raise HopdiffError(f"{where}: unknown gene {name!r}; known are {', '.join(KNOWN_GENES)}.")
-            stray = [key for key in entry if key not in ("unit", "low", "high", "ordinary")]
-            if stray:
-                raise HopdiffError(f"{where}: gene {name!r} has an unknown entry {stray[0]!r}.")
-            unit = str(entry.get("unit"))
-            if unit not in _UNITS:
-                raise HopdiffError(f"{where}: unknown unit {unit!r} of gene {name!r}; known are {', '.join(_UNITS)}.")
-            low, high, ordinary = (
-                _at_froude(entry.get(key), froude, f"{where}, {name}.{key}") for key in ("low", "high", "ordinary")
-            )
-            least, most = KNOWN_GENES[name]
-            if not least < low <= high < most:
-                raise HopdiffError(
-                    f"{where}: the range of {name!r} must satisfy {least:g} < low <= high < {most:g} [{unit}],"
-                    f" not [{low:g}, {high:g}]."
-                )
-            if not low <= ordinary <= high:
-                raise HopdiffError(f"{where}: the ordinary {name!r} of {ordinary:g} lies outside [{low:g}, {high:g}].")
-            factor = _UNITS[unit]
-            rows.append((low, high, ordinary, leg_length if factor is None else factor))
-            units.append(unit)
-        columns = torch.tensor(rows, dtype=torch.float64).to(device, dtype).T.contiguous()
-        return cls(settings.name, tuple(entries), tuple(units), *columns)
+        rows = {name: _row(name, entry, froude, where) for name, entry in settings.genes.items()}
+        names = [name for name in rows if _wanted(name, settings.common_eta, limping)]
+        everyday = {name: rows[name].ordinary * rows[name].scale(leg_length) for name in KNOWN_GENES}
+        for name, value in settings.fixed.items():
+            _check_fixed(name, value, names, rows, settings.common_eta)
+            rows[name] = _Row(rows[name].unit, value, value, value)
+        table = [(row.low, row.high, row.ordinary, row.scale(leg_length)) for row in map(rows.__getitem__, names)]
+        low, high, ordinary, scale = torch.tensor(table, dtype=torch.float64).to(device, dtype).T.contiguous()
+        return cls(
+            name=settings.name,
+            names=tuple(names),
+            units=tuple(rows[name].unit for name in names),
+            low=low,
+            high=high,
+            ordinary=ordinary,
+            scale=scale,
+            everyday={name: torch.tensor([value], dtype=dtype, device=device) for name, value in everyday.items()},
+        )
 
     @property
     def dimension(self) -> int:
         return len(self.names)
+
+    @property
+    def free(self) -> Tensor:
+        """(G,) 1 for the genes that can vary, 0 for the fixed ones."""
+        return (self.high > self.low).to(self.low)
 
     def to_physical(self, unit: Tensor) -> Tensor:
         """Unit box (..., G) to table units (..., G)."""
@@ -142,8 +174,76 @@ class GeneTable:
 
     def decode(self, unit: Tensor) -> dict[str, Tensor]:
         """Unit box (P, G) to what the physics uses: gene name -> (P,) in SI units and rad."""
-        values = self.to_physical(unit) * self.scale
-        return dict(zip(self.names, values.unbind(-1), strict=True))
+        values = dict(zip(self.names, (self.to_physical(unit) * self.scale).unbind(-1), strict=True))
+        if ETA in values:
+            common = values.pop(ETA)
+            values |= dict.fromkeys(ETAS, common)
+        return values
+
+
+class _Row(NamedTuple):
+    """An entry of the table at one speed, in table units."""
+
+    unit: str
+    low: float
+    high: float
+    ordinary: float
+
+    def scale(self, leg_length: float) -> float:
+        """Factor from table units to SI units and rad."""
+        factor = _UNITS[self.unit]
+        return leg_length if factor is None else factor
+
+
+def _row(name: str, entry: Any, froude: float, where: str) -> _Row:
+    if name not in KNOWN_GENES and name not in _OPTIONAL:
+        raise HopdiffError(f"{where}: unknown gene {name!r}; known are {', '.join((*KNOWN_GENES, *_OPTIONAL))}.")
+    stray = [key for key in entry if key not in ("unit", "low", "high", "ordinary")]
+    if stray:
+        raise HopdiffError(f"{where}: gene {name!r} has an unknown entry {stray[0]!r}.")
+    unit = str(entry.get("unit"))
+    if unit not in _UNITS:
+        raise HopdiffError(f"{where}: unknown unit {unit!r} of gene {name!r}; known are {', '.join(_UNITS)}.")
+    low, high, ordinary = (
+        _at_froude(entry.get(key), froude, f"{where}, {name}.{key}") for key in ("low", "high", "ordinary")
+    )
+    least, most = sense(name)
+    if not least < low <= high < most:
+        raise HopdiffError(
+            f"{where}: the range of {name!r} must satisfy {least:g} < low <= high < {most:g} [{unit}],"
+            f" not [{low:g}, {high:g}]."
+        )
+    if not low <= ordinary <= high:
+        raise HopdiffError(f"{where}: the ordinary {name!r} of {ordinary:g} lies outside [{low:g}, {high:g}].")
+    return _Row(unit, low, high, ordinary)
+
+
+def sense(name: str) -> tuple[float, float]:
+    """The open interval in which a gene makes sense."""
+    return KNOWN_GENES[name] if name in KNOWN_GENES else _OPTIONAL[name]
+
+
+def _wanted(name: str, common_eta: bool, limping: bool) -> bool:
+    """Whether an entry of the table is a gene of this run."""
+    if name.startswith(LAME):
+        return limping
+    return not (name in ETAS if common_eta else name == ETA)
+
+
+def _check_fixed(name: str, value: float, names: Sequence[str], rows: Mapping[str, _Row], common_eta: bool) -> None:
+    """Raises HopdiffError if a fixed value belongs to no gene of this run or makes no sense."""
+    where = f"genes.fixed.{name}"
+    if name not in rows:
+        raise HopdiffError(f"{where}: there is no gene {name!r} in the gene table.{near(name, names)}")
+    if name == ETA and not common_eta:
+        raise HopdiffError(f"{where} needs genes.common_eta=true: otherwise every joint has a gain of its own.")
+    if name in ETAS and common_eta:
+        raise HopdiffError(f"{where} has no effect with genes.common_eta=true: fix genes.fixed.eta.")
+    if name not in names:
+        raise HopdiffError(f"{where} is a gene of the lame leg and needs limp.amount above 0.")
+    least, most = sense(name)
+    if not least < value < most:
+        raise HopdiffError(f"{where} must lie between {least:g} and {most:g} [{rows[name].unit}], not {value:g}.")
 
 
 def _at_froude(entry: Any, froude: float, where: str) -> float:

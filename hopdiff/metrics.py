@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from hopdiff import costs
+from hopdiff.models.gait import stride_motion
 from hopdiff.models.trajectory import Trajectory
 from hopdiff.motion import Motion
 from hopdiff.problem import RunProblem
@@ -16,11 +17,17 @@ MEASURING_FPS = 240.0  # dense enough that maxima between frames do not matter
 
 
 def run_metrics(problem: RunProblem, genes: Tensor) -> dict[str, float]:
-    """What one candidate (G,) of the unit box measures, in SI units unless a name ends in _deg or _bw."""
+    """What one candidate (G,) of the unit box measures, in SI units unless a name ends in _deg or _bw.
+
+    Of a limp, times of a step are means of both; contact_time_left and contact_time_right tell the legs apart.
+    trunk_side_deg: mean lean of the trunk, to the left positive.
+    """
     evaluation = problem.evaluate(genes.unsqueeze(0), with_grad=False)
     with torch.no_grad():
         trajectory = problem.trajectory(genes.unsqueeze(0))
-    motion = problem.motion(genes, MEASURING_FPS)
+    gait = problem.gait(genes.unsqueeze(0))
+    motion = stride_motion(gait, MEASURING_FPS)
+    left, right = gait.contact_times[0].tolist()
     terms = {name: float(value) for name, value in evaluation.terms.items()}
     step_time = float(costs.step_time(trajectory))
     guard = problem.settings.gamma_guard
@@ -28,6 +35,7 @@ def run_metrics(problem: RunProblem, genes: Tensor) -> dict[str, float]:
         "speed": problem.speed,
         "beta": problem.beta,
         "froude": problem.froude,
+        "leg_length": problem.character.leg_length,
         "cost": float(evaluation.cost),
         "eval": terms["eval"],
         "gamma": terms["gamma"],
@@ -39,10 +47,13 @@ def run_metrics(problem: RunProblem, genes: Tensor) -> dict[str, float]:
         "energy_target": costs.energy_target(problem.beta),
         **{f"cost_{name}": terms[name] for name in ("energy_match", "leg_force", "style", "posture", "ordinary")},
         "contact_time": float(trajectory.contact_time),
+        "contact_time_left": left,
+        "contact_time_right": right,
         "flight_time": float(trajectory.flight_time),
         "flight_share": float(trajectory.flight_time) / step_time,
         "step_frequency": 1.0 / step_time,
         "step_length": float(costs.step_length(trajectory)),
+        "step_width": float(problem.table.decode(genes.unsqueeze(0))["step_width"]),
         "stride_time": 2.0 * step_time,
         "duty_factor": float(trajectory.contact_time) / (2.0 * step_time),
         **motion_metrics(motion),
@@ -59,15 +70,23 @@ def motion_metrics(motion: Motion) -> dict[str, float]:
     height = motion.com[:-1, 1]
     return {
         "com_oscillation": float(height.max() - height.min()),
+        "com_side_range": float(motion.com[:, 0].max() - motion.com[:, 0].min()),
         "peak_leg_force_bw": float(motion.leg_force.max()),
         "knee_touchdown_deg": math.degrees(float(knee[0])),
         "knee_stance_max_deg": math.degrees(float(knee[stance].max())),
         "knee_swing_max_deg": math.degrees(float(knee[~stance].max())),
         "trunk_lean_deg": math.degrees(float(motion.angles["trunk"][:-1].mean())),
+        "trunk_lean_range_deg": _range_deg(motion.angles["trunk"]),
+        "trunk_side_deg": -math.degrees(float(motion.angles["trunk_side"][:-1].mean())),
+        "trunk_side_range_deg": _range_deg(motion.angles["trunk_side"]),
         "stance_foot_drift": stance_foot_drift(motion),
         "min_foot_clearance": float(motion.feet[..., 1].min()),
         "loop_error": loop_error(motion),
     }
+
+
+def _range_deg(angles: Tensor) -> float:
+    return math.degrees(float(angles.max() - angles.min()))
 
 
 def stance_foot_drift(motion: Motion) -> float:

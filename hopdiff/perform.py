@@ -6,18 +6,21 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
-from hopdiff.config import build_job, checked, with_saved
+from hopdiff.config import build_character, build_job, build_route, checked, plain_settings, with_saved
 from hopdiff.io.genes_file import read_genes
 from hopdiff.messages import choose
+from hopdiff.tasks.body import body
 from hopdiff.tasks.compare import compare
+from hopdiff.tasks.hopper import hopper
 from hopdiff.tasks.job import threads
+from hopdiff.tasks.path import run_path
 from hopdiff.tasks.replay import replay
 from hopdiff.tasks.run import run
 from hopdiff.types import HopdiffError
 
-TASKS = ("run", "replay", "compare")
+TASKS = ("run", "replay", "compare", "path", "hopper", "body")
 
 
 def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
@@ -36,8 +39,28 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
                 raise HopdiffError("task=replay needs genes_file=FILE, the genes.json of a run.")
             genes = read_genes(Path(config.genes_file))
             job = build_job(with_saved(config, genes.settings, typed_names(command)))
+            original = build_character(with_saved(config, genes.settings, ()))
             with threads(job.threads):
-                replay(job, genes, folder, list(command))
+                replay(job, genes, original, folder, list(command))
+            return False
+        case "path":
+            typed = typed_names(command)
+            if "speed" in typed:
+                raise HopdiffError("speed cannot be set with task=path: path.time and the length of the path give it.")
+            if "path.points" in typed and "path.file" in typed:
+                raise HopdiffError("path.points and path.file are both set: give the path by one of them.")
+            route = build_route(config)
+            OmegaConf.update(config, "speed", route.speed)
+            path_job = build_job(config)
+            with threads(path_job.threads):
+                return run_path(path_job, route, folder, list(command))
+        case "hopper":
+            settings = checked(config)
+            with threads(settings.threads):
+                hopper(settings.hopper, settings.speed, plain_settings(config), folder, list(command))
+            return False
+        case "body":
+            body(build_character(config), plain_settings(config), folder, list(command))
             return False
         case _:
             job = build_job(config)

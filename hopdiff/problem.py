@@ -12,6 +12,7 @@ from hopdiff.character import Character
 from hopdiff.costs import CostSettings, Ordinary
 from hopdiff.genes import GeneTable
 from hopdiff.models.base import Model
+from hopdiff.models.gait import Gait, stride_motion
 from hopdiff.models.trajectory import Trajectory
 from hopdiff.motion import Motion
 from hopdiff.search.base import Eval
@@ -54,6 +55,11 @@ class RunProblem:
         return self.table.dimension
 
     @property
+    def start(self) -> Tensor:
+        """The everyday run with the fixed genes put in (G,); `hopdiff.search.ordinary` prices no other."""
+        return self.ordinary_genes
+
+    @property
     def dtype(self) -> torch.dtype:
         return self.table.low.dtype
 
@@ -63,7 +69,8 @@ class RunProblem:
 
     def _measure_ordinary(self) -> Ordinary:
         with torch.no_grad():
-            trajectory = self.trajectory(self.ordinary_genes.unsqueeze(0))
+            # The everyday run, whatever genes are fixed: the unit of energy must not depend on them.
+            trajectory = self.model.sound.trajectory(self.table.everyday, self.table.low.new_tensor([self.speed]))
             raw = float(costs.energy_rate_raw(trajectory, self.character))
             if not (bool(trajectory.solved) and math.isfinite(raw)):
                 raise HopdiffError(
@@ -101,7 +108,7 @@ class RunProblem:
             "style": s.style.weight * costs.style_mismatch(trajectory, self.ordinary, s.style, beta),
             "posture": s.style.trunk_lean_weight
             * costs.posture_mismatch(trajectory, math.radians(s.style.trunk_lean_deg)),
-            "ordinary": s.ordinary * ((genes - self.ordinary_genes) ** 2).mean(-1),
+            "ordinary": s.ordinary * ((genes - self.ordinary_genes) ** 2 * self.table.free).mean(-1),
         }
         excess = costs.excesses(trajectory, self.character, s.limits)
         terms["penalty"] = costs.penalty(excess, s.limits)
@@ -132,8 +139,13 @@ class RunProblem:
         cost = torch.where(status == int(Status.OK), merit, infinite)
         return Eval(cost, gradient, merit, {k: v.detach() for k, v in terms.items()}, status)
 
+    def gait(self, genes: Tensor) -> Gait:
+        """The endless runs of candidates (P, G) of the unit box, to be sampled in time."""
+        speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
+        with torch.no_grad():
+            return self.model.gait(self.table.decode(genes), speed)
+
     def motion(self, genes: Tensor, fps: float) -> Motion:
         """One stride of a candidate (G,) at about `fps` frames/s: the nearest rate with a whole number of frames."""
-        speed = torch.full((1,), self.speed, dtype=genes.dtype, device=genes.device)
         with torch.no_grad():
-            return self.model.motion(self.table.decode(genes.unsqueeze(0)), speed, fps)
+            return stride_motion(self.gait(genes.unsqueeze(0)), fps)

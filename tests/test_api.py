@@ -57,7 +57,7 @@ def test_generate_leaves_pytorch_and_hydra_as_they_were() -> None:
         ({"character": "dwarf"}, "Unknown character 'dwarf'"),
         ({"dtype": "float16"}, "Unknown dtype 'float16'"),
         ({"evaluations": 0}, "budget.evaluations"),
-        ({"settings": ("search.popsize=3",)}, "Unknown setting 'search.popsize'"),
+        ({"settings": ("search.popsize=3",)}, "Unknown setting of search gradient 'popsize'"),
     ],
 )
 def test_mistakes_are_hopdiff_errors(arguments: dict, says: str) -> None:

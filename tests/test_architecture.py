@@ -19,6 +19,7 @@ FLOORS = {
     "hopdiff.motion": 1,
     "hopdiff.physics": 1,
     "hopdiff.search": 1,
+    "hopdiff.proportions": 1,
     "hopdiff.character": 2,
     "hopdiff.genes": 2,
     "hopdiff.models": 2,
@@ -31,6 +32,7 @@ FLOORS = {
     "hopdiff.config": 5,
     "hopdiff.errors": 5,
     "hopdiff.perform": 5,
+    "hopdiff.callbacks": 5,
     "hopdiff.cli": 5,
     "hopdiff.api": 5,
     "hopdiff.__main__": 5,
@@ -49,7 +51,7 @@ NEIGHBOURS = {
     ("hopdiff.tasks", "hopdiff.plots"),
 }
 # Who may know Hydra, and who PyTorch's optimisers.
-HYDRA = {"hopdiff.config", "hopdiff.errors", "hopdiff.perform", "hopdiff.cli", "hopdiff.api"}
+HYDRA = {"hopdiff.config", "hopdiff.errors", "hopdiff.perform", "hopdiff.callbacks", "hopdiff.cli", "hopdiff.api"}
 
 
 def module_name(path: Path) -> str:

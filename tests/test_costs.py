@@ -155,7 +155,7 @@ def test_leg_force_carries_the_body_on_average() -> None:
     genes = valid_genes(p, 20)
     with torch.no_grad():
         t = p.trajectory(genes)
-        cycle = p.model.solve(p.table.decode(genes), torch.full((20,), 5.0).double()).cycle  # type: ignore[attr-defined]
+        cycle = p.model.gait(p.table.decode(genes), torch.full((20,), 5.0).double()).steps.cycle  # type: ignore[attr-defined]
     n = p.model.nodes  # type: ignore[attr-defined]
     x = chebyshev_nodes(n, torch.float64, torch.device("cpu")).expand(20, -1)
     forward, height = cycle.stance_forward(x), cycle.stance_height(x)

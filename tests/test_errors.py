@@ -42,7 +42,7 @@ MISTAKES = {
     "budget.evaluations=0": "budget.evaluations must be at least 1",
     "budget.evaluation=5": "Did you mean 'budget.evaluations'?",
     "budget.gradient_price=-1": "budget.gradient_price must be",
-    "search=gaa": "Unknown search 'gaa': choose one of cmaes, ga, gradient, hybrid, random. Did you mean 'ga'?",
+    "search=gaa": "choose one of cmaes, ga, gradient, hybrid, ordinary, random. Did you mean 'ga'?",
     "search.popsize=3": "Unknown setting of search gradient 'popsize': choose one of method, name",
     "+search.popsize=3": "popsize",
     "+search=ga": "write search=NAME, without the plus",
@@ -57,7 +57,7 @@ MISTAKES = {
     "genes=none": "Unknown genes 'none'",
     "genes.genes.touchdown_angle.high=95": "the range of 'touchdown_angle'",
     "~genes.genes.touchdown_angle": "'touchdown_angle' is missing",
-    "task=fly": "Unknown task 'fly': choose one of compare, replay, run",
+    "task=fly": "Unknown task 'fly': choose one of body, compare, hopper, path, replay, run",
     "task=replay": "task=replay needs genes_file=FILE",
     "task=compare": "task=compare needs runs=FOLDER",
     "experiment=brisk": "write +experiment=NAME",
@@ -132,7 +132,7 @@ def test_an_unwritable_run_folder_is_found_before_the_search(
         raise AssertionError("searched all the same")
 
     monkeypatch.setattr(Path, "write_bytes", refuse)
-    monkeypatch.setattr("hopdiff.tasks.run.search_run", search)
+    monkeypatch.setattr("hopdiff.tasks.run.find", search)
     assert run_main(monkeypatch, "hydra.run.dir=there") == 1
     assert "there' cannot be written: Permission denied" in only_sentence(capsys)
     assert not (tmp_path / "there").exists()

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
-from hopdiff.genes import KNOWN_GENES, GeneTable
+from hopdiff.genes import ETAS, KNOWN_GENES, GeneTable
 from hopdiff.numerics import GRAVITY
 from hopdiff.physics.legs import flight_alpha
 from hopdiff.types import HopdiffError
@@ -107,6 +107,84 @@ def test_a_pinned_gene_goes_to_the_corner_of_the_box(plain: dict[str, Any]) -> N
     pinned = table.names.index("elbow_flexion")
     assert table.to_unit(table.ordinary)[pinned] == 0.0
     assert table.to_physical(torch.ones(table.dimension).double())[pinned] == 90.0
+
+
+def test_a_fixed_gene_has_one_value_even_outside_its_range(plain: dict[str, Any]) -> None:
+    table = build(plain | {"fixed": {"step_width": 0.3}})
+    fixed = table.names.index("step_width")
+    assert plain["genes"]["step_width"]["high"] < 0.3
+    assert (table.low[fixed], table.high[fixed], table.ordinary[fixed]) == (0.3, 0.3, 0.3)
+    assert table.free.tolist() == [float(name != "step_width") for name in table.names]
+    for unit in torch.rand(3, 1, table.dimension, dtype=torch.float64):
+        assert float(table.decode(unit)["step_width"]) == pytest.approx(0.3 * LEG, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("fixed", "common", "said"),
+    [
+        ({"stepwidth": 0.1}, False, "genes.fixed.stepwidth: there is no gene 'stepwidth'"),
+        ({"stepwidth": 0.1}, False, "Did you mean 'step_width'?"),
+        ({"step_width": 1.0}, False, "genes.fixed.step_width must lie between -1 and 1 [leg], not 1."),
+        ({"arm_swing": math.nan}, False, "genes.fixed.arm_swing must lie between -180 and 180 [deg], not nan."),
+        ({"eta": 5.0}, False, "genes.fixed.eta needs genes.common_eta=true"),
+        ({"eta_elbow": 5.0}, True, "genes.fixed.eta_elbow has no effect with genes.common_eta=true"),
+        ({"lame_swing_reach": 20.0}, False, "genes.fixed.lame_swing_reach is a gene of the lame leg"),
+    ],
+)
+def test_a_wrong_fixed_gene_is_named(plain: dict[str, Any], fixed: dict[str, float], common: bool, said: str) -> None:
+    plain["genes"]["lame_swing_reach"] = plain["genes"]["swing_reach"]
+    with pytest.raises(HopdiffError) as caught:
+        build(plain | {"fixed": fixed, "common_eta": common})
+    assert said in str(caught.value)
+
+
+def test_a_common_eta_takes_the_place_of_all_gains(plain: dict[str, Any]) -> None:
+    table = build(plain | {"common_eta": True})
+    assert set(table.names) == (set(KNOWN_GENES) - set(ETAS)) | {"eta"}
+    unit = torch.rand(4, table.dimension, dtype=torch.float64)
+    decoded = table.decode(unit)
+    assert set(decoded) == set(KNOWN_GENES)
+    for name in ETAS:
+        assert torch.equal(decoded[name], table.to_physical(unit)[:, table.names.index("eta")])
+    fixed = build(plain | {"common_eta": True, "fixed": {"eta": 5.0}})
+    assert {float(fixed.decode(unit[:1])[name]) for name in ETAS} == {5.0}
+
+
+def test_a_common_eta_needs_its_entry(plain: dict[str, Any]) -> None:
+    del plain["genes"]["eta"]
+    assert len(build(plain).names) == len(KNOWN_GENES)
+    with pytest.raises(HopdiffError, match="the gene 'eta' is missing"):
+        build(plain | {"common_eta": True})
+
+
+def test_everyday_running_is_the_same_whatever_is_fixed(plain: dict[str, Any]) -> None:
+    table = build(plain)
+    assert {name: float(value) for name, value in table.everyday.items()} == pytest.approx(
+        {name: float(value) for name, value in table.decode(table.to_unit(table.ordinary)[None]).items()}
+    )
+    other = build(plain | {"common_eta": True, "fixed": {"eta": 9.0, "duty_factor": 0.2}})
+    assert other.everyday == table.everyday
+    assert set(table.everyday) == set(KNOWN_GENES)
+
+
+def test_lame_genes_exist_only_in_a_limp(plain: dict[str, Any]) -> None:
+    plain["genes"]["lame_swing_reach"] = plain["genes"]["swing_reach"] | {"low": 10}
+    settings = OmegaConf.create(plain)
+    assert set(GeneTable.build(settings, LEG, 5.0).names) == set(KNOWN_GENES)
+    limping = GeneTable.build(settings, LEG, 5.0, limping=True)
+    assert set(limping.names) == set(KNOWN_GENES) | {name for name in plain["genes"] if name.startswith("lame_")}
+    assert limping.low[limping.names.index("lame_swing_reach")] == 10
+    assert set(limping.everyday) == set(KNOWN_GENES)
+    del plain["genes"]["lame_swing_reach"]
+    plain["genes"]["lame_arm_swing"] = plain["genes"]["arm_swing"]
+    with pytest.raises(HopdiffError, match="unknown gene 'lame_arm_swing'"):
+        build(plain)
+
+
+def test_a_lame_gene_makes_sense_where_its_twin_does(plain: dict[str, Any]) -> None:
+    plain["genes"]["lame_swing_reach"] = plain["genes"]["swing_reach"] | {"low": 0}
+    with pytest.raises(HopdiffError, match="range of 'lame_swing_reach' must satisfy 0 < low"):
+        build(plain)
 
 
 def test_physics_gets_si_units_and_radians(plain: dict[str, Any]) -> None:

@@ -88,6 +88,34 @@ def test_the_ordinary_run_has_the_energy_of_beta_0_2(model: str, character: str)
     assert float(result.terms["energy"]) == pytest.approx(0.25, rel=1e-9)
 
 
+FIXED = ("genes.fixed.step_width=0.11", "genes.fixed.duty_factor=0.25")
+
+
+@pytest.mark.parametrize("settings", [FIXED, ("genes.common_eta=true", "genes.fixed.eta=9")])
+def test_the_energy_unit_does_not_depend_on_what_is_fixed(settings: tuple[str, ...]) -> None:
+    plain, other = problem("speed=4"), problem("speed=4", *settings)
+    assert other.ordinary == plain.ordinary
+    energy = [float(p.evaluate(p.start[None], with_grad=False).terms["energy"]) for p in (plain, other)]
+    assert energy[0] == pytest.approx(0.25, rel=1e-9)
+    assert energy[1] != pytest.approx(0.25, rel=1e-3)
+
+
+def test_fixed_genes_cost_nothing_wherever_they_lie_in_the_box() -> None:
+    p = problem("speed=4", *FIXED)
+    low, high = draw(p, 2)[0].repeat(2, 1)
+    low[p.table.free == 0], high[p.table.free == 0] = 0.0, 1.0
+    assert not torch.equal(low, high)
+    result = p.evaluate(torch.stack((low, high)), with_grad=True)
+    assert float(result.merit[0]) == pytest.approx(float(result.merit[1]), rel=1e-9)
+    assert float(result.grad[:, p.table.free == 0].abs().max()) == 0.0
+
+
+def test_the_start_is_the_everyday_run_with_the_fixed_genes_put_in() -> None:
+    plain, other = problem("speed=4"), problem("speed=4", *FIXED)
+    values = [dict(zip(p.table.names, p.table.to_physical(p.start).tolist(), strict=True)) for p in (plain, other)]
+    assert values[1] == pytest.approx(values[0] | {"step_width": 0.11, "duty_factor": 0.25}, rel=1e-12)
+
+
 def test_single_precision_prices_alike() -> None:
     double, single = problem("speed=5"), problem("speed=5", "dtype=float32")
     genes = draw(double, 64)

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hopdiff.genes import GeneTable
+from hopdiff.genes import GeneTable, sense
 from hopdiff.io.files import read_text, write_whole
 from hopdiff.messages import near
 from hopdiff.types import HopdiffError
@@ -65,9 +65,11 @@ def read_genes(path: Path) -> GenesFile:
     return GenesFile(path, settings, genes)
 
 
-def unit_genes(file: GenesFile, table: GeneTable) -> Tensor:
+def unit_genes(file: GenesFile, table: GeneTable, strange: bool = False) -> Tensor:
     """The genes of a file as a point (G,) of the table's unit box.
 
+    strange: whether they were found for another body or speed, whose ranges are others; then the point may lie
+    outside the box, as long as every gene has a value that makes sense.
     Raises HopdiffError if a gene is missing, unknown, in another unit or outside its range.
     """
     where = f"genes_file {str(file.path)!r}"
@@ -85,11 +87,17 @@ def unit_genes(file: GenesFile, table: GeneTable) -> Tensor:
     slack = SLACK * (low.abs() + high.abs())
     outside = (values < low - slack) | (values > high + slack)
     for index in outside.nonzero().flatten().tolist():
-        raise HopdiffError(
-            f"{where}: gene {table.names[index]!r} is {values[index]:g}, outside its range"
-            f" of {low[index]:g} to {high[index]:g} [{table.units[index]}] at this speed."
-        )
-    return table.to_unit(values.to(table.low)).clamp(0.0, 1.0)
+        name, unit, value = table.names[index], table.units[index], float(values[index])
+        if low[index] == high[index]:
+            raise HopdiffError(f"{where}: gene {name!r} is {value:g}, but fixed at {low[index]:g} [{unit}].")
+        least, most = sense(name) if strange else (float(low[index]), float(high[index]))
+        if not least <= value <= most:
+            here = "" if strange else " at this speed"
+            raise HopdiffError(
+                f"{where}: gene {name!r} is {value:g}, outside its range of {least:g} to {most:g} [{unit}]{here}."
+            )
+    found = table.to_unit(values.to(table.low))
+    return found if strange else found.clamp(0.0, 1.0)
 
 
 class _RepeatedError(Exception):

@@ -21,7 +21,18 @@ from hopdiff import __version__
 from hopdiff.io.files import write_whole
 from hopdiff.types import HopdiffError
 
-LIBRARIES = ("torch", "numpy", "hydra-core", "omegaconf", "matplotlib", "tensorboard", "pillow", "cmaes")
+LIBRARIES = (
+    "torch",
+    "numpy",
+    "hydra-core",
+    "omegaconf",
+    "matplotlib",
+    "tensorboard",
+    "pillow",
+    "cmaes",
+    "scipy",
+    "svgelements",
+)
 
 
 def prepare_folder(folder: Path) -> None:

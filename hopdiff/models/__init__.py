@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hopdiff.character import Character
 from hopdiff.models.base import Model, ModelSettings
+from hopdiff.models.limp import LimpSettings
 from hopdiff.models.smooth import SmoothModel
 from hopdiff.models.thesis import ThesisModel
 from hopdiff.types import HopdiffError
@@ -11,7 +12,7 @@ from hopdiff.types import HopdiffError
 MODELS = ("smooth", "thesis")
 
 
-def build_model(settings: ModelSettings, character: Character) -> Model:
+def build_model(settings: ModelSettings, character: Character, limp: LimpSettings | None = None) -> Model:
     """Raises HopdiffError, naming the setting, for an unknown model or a number out of range."""
     if settings.name not in MODELS:
         raise HopdiffError(f"model.name must be one of {', '.join(MODELS)}, not {settings.name!r}.")
@@ -23,6 +24,9 @@ def build_model(settings: ModelSettings, character: Character) -> Model:
         raise HopdiffError(f"model.step must lie between 0.0001 and 0.02 s, not {settings.step:g}.")
     if not 0 <= settings.strides <= 1000:
         raise HopdiffError(f"model.strides must lie between 0 and 1000, not {settings.strides}.")
+    if limp is not None:
+        limp.check()
+        limp = limp if limp.amount > 0 else None
     if settings.name == "thesis":
-        return ThesisModel(character, settings.step, settings.strides)
-    return SmoothModel(character, settings.nodes, settings.sweeps)
+        return ThesisModel(character, settings.step, settings.strides, limp)
+    return SmoothModel(character, settings.nodes, settings.sweeps, limp)

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from hopdiff.character import Character
+from hopdiff.models.gait import Gait
 from hopdiff.models.trajectory import Trajectory
-from hopdiff.motion import Motion
 from hopdiff.physics.hopper import Cycle, solve_cycle
 
 
@@ -35,12 +35,17 @@ class Model(Protocol):
     @property
     def character(self) -> Character: ...
 
-    def trajectory(self, genes: dict[str, Tensor], speed: Tensor) -> Trajectory:
-        """One step of every candidate, for the costs."""
+    @property
+    def sound(self) -> Model:
+        """The same model on two equal legs."""
         ...
 
-    def motion(self, genes: dict[str, Tensor], speed: Tensor, fps: float) -> Motion:
-        """One stride of a single candidate (P = 1)."""
+    def trajectory(self, genes: dict[str, Tensor], speed: Tensor) -> Trajectory:
+        """One step of every candidate (of a limp: both), for the costs."""
+        ...
+
+    def gait(self, genes: dict[str, Tensor], speed: Tensor) -> Gait:
+        """The endless runs of all candidates, to be sampled in time."""
         ...
 
 

@@ -1,100 +1,102 @@
 """The `thesis` model: the equations of Kang (1999) stepped frame by frame.
 
-One step is run from touchdown: hopper (1) to (4), legs (5), (6), balance (7) to (11) from an upright body at rest.
-Genes are those of the smooth model. The touchdown state and the spring come from the periodic hop of
-`solve_cycle`, since the thesis leaves the vertical speed at touchdown open.
+One step is run from touchdown: hopper (1) to (4), legs (5), (6), balance (7) to (11) from an upright body at rest; of
+a limp both steps. Genes are those of the smooth model. The touchdown state and the spring come from the periodic hop
+of `solve_cycle`, since the thesis leaves the vertical speed at touchdown open.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from hopdiff.character import Character
-from hopdiff.models.base import hopper_cycle
-from hopdiff.models.body import foot_height, lower_centre, mirror, sway_sensitivity, upper_centre, upper_channels
-from hopdiff.models.stride import Pose, finish_stride
-from hopdiff.models.trajectory import JOINT_CHANNELS, LEG_CHANNELS, Trajectory
-from hopdiff.motion import Motion
+from hopdiff.models.body import foot_height, lower_centre, sway_sensitivity, upper_centre, upper_channels
+from hopdiff.models.limp import LimpSettings
+from hopdiff.models.steps import Steps
+from hopdiff.models.thesis_gait import Frames, ThesisGait, along, last_stride, lay_out
+from hopdiff.models.trajectory import JOINT_CHANNELS, LEG_CHANNELS, Trajectory, join_steps
 from hopdiff.numerics import safe_acos
-from hopdiff.physics.hopper import Cycle
 from hopdiff.physics.legs import LegPose, flight_alpha, knee_offset, leg_pose
 from hopdiff.physics.stepping import Hops, flight_blend, step_balance, step_hopper
 
 
-class Frames(NamedTuple):
-    """One step on frames (P, F): left stance and the flight after it. Targets are relative to HIP [m]."""
-
-    cycle: Cycle
-    hops: Hops
-    base: dict[str, Tensor]
-    stride_phase: Tensor
-    target_side: Tensor
-    target_forward: Tensor
-    reach: Tensor
-    stance_frames: Tensor
-    step_frames: Tensor
-
-
 @dataclass(frozen=True)
 class ThesisModel:
-    """character: the body. step: frame interval h [s]. strides: run before the one that `motion` keeps."""
+    """character: the body. step: frame interval h [s]. strides: run before the one that a gait repeats.
+
+    limp: how the two legs differ, or None.
+    """
 
     character: Character
     step: float = 0.005
     strides: int = 8
+    limp: LimpSettings | None = None
+
+    @property
+    def sound(self) -> ThesisModel:
+        """The same model on two equal legs."""
+        return replace(self, limp=None)
 
     def frames(self, genes: dict[str, Tensor], speed: Tensor) -> Frames:
         """genes: name -> (P,) in SI units and rad. speed: (P,) [m/s]."""
-        g = genes
-        cycle = hopper_cycle(self.character, genes, speed)
+        steps = Steps.of(self.character, genes, speed, self.limp, swell=False)
+        cycle, g = steps.cycle, steps.genes
         # A step that takes half as long again as the periodic one has lost its cycle.
         longest = math.ceil(1.5 * float(torch.nan_to_num(cycle.step_time.detach()).max()) / self.step) + 2
         hops = step_hopper(
             cycle.leg_length,
             cycle.touchdown_angle,
-            speed,
+            2.0 * cycle.reach / cycle.contact_time,
             cycle.stiffness,
             cycle.touchdown_rate,
             self.step,
             hops=1,
             max_frames=longest,
+            landing_height=steps.other(cycle.leg_length * torch.cos(cycle.touchdown_angle)),
+            flight_speed=cycle.speed,
         )
         count = hops.alive.sum(-1)
         stance_count = (hops.alive & ~hops.in_flight).sum(-1)
-        base, reach = self._base(genes, cycle, hops)
+        base, reach = self._base(steps, hops)
         width = 0.5 * g["step_width"].unsqueeze(-1)
-        takeoff = 2.0 * hops.phase - 1.0
-        half = 0.5 * (speed * cycle.contact_time).unsqueeze(-1)
-        side = torch.where(hops.in_flight, -width * takeoff, width.expand_as(hops.phase))
-        forward = torch.where(hops.in_flight, half * takeoff, hops.foot - hops.forward) + g["com_lead"].unsqueeze(-1)
+        behind, ahead = cycle.reach.unsqueeze(-1), steps.other(cycle.reach).unsqueeze(-1)
+        side = torch.where(hops.in_flight, width * (1.0 - 2.0 * hops.phase), width.expand_as(hops.phase))
+        forward = torch.where(hops.in_flight, (behind + ahead) * hops.phase - behind, hops.foot - hops.forward)
+        forward = forward + g["com_lead"].unsqueeze(-1)
         times = torch.arange(hops.phase.shape[-1], dtype=speed.dtype, device=speed.device) * self.step
-        duration = (count.clamp_min(1).to(speed) * self.step).unsqueeze(-1)
-        return Frames(cycle, hops, base, math.pi * times / duration, side, forward, reach, stance_count, count)
+        # Stretched over what the frames make of the step, so that the next one takes over where it ends.
+        framed = (count.clamp_min(1).to(speed) * self.step).unsqueeze(-1)
+        phase = steps.phase(times * (cycle.step_time.unsqueeze(-1) / framed))
+        return Frames(steps, hops, base, phase, side, forward, reach, stance_count, count)
 
-    def _base(self, g: dict[str, Tensor], cycle: Cycle, hops: Hops) -> tuple[dict[str, Tensor], Tensor]:
-        """Pelvis and leg channels (P, F); the pelvis of the thesis does not turn."""
-        body = self.character
+    def _base(self, steps: Steps, hops: Hops) -> tuple[dict[str, Tensor], Tensor]:
+        """Pelvis and leg channels (B, F); the pelvis of the thesis does not turn."""
+        body, cycle, g = self.character, steps.cycle, steps.genes
         side = (0.5 * g["step_width"] - body.hip_half_width).unsqueeze(-1)
         zero = torch.zeros_like(hops.height)
         stance, reach = leg_pose(side + zero, -hops.height, hops.foot - hops.forward, body.thigh, body.shank)
         takeoff, _ = leg_pose(
             side + zero, -hops.takeoff_height.clamp_min(0.1), hops.foot - hops.takeoff_forward, body.thigh, body.shank
         )
-        height = cycle.leg_length * torch.cos(g["touchdown_angle"])
-        ahead = cycle.leg_length * torch.sin(g["touchdown_angle"])
+        height, ahead = cycle.leg_length * torch.cos(cycle.touchdown_angle), cycle.reach
         touchdown, _ = leg_pose(side, -height.unsqueeze(-1), ahead.unsqueeze(-1), body.thigh, body.shank)
         end_rate = -(cycle.speed * height + cycle.touchdown_rate * ahead) / cycle.leg_length**2
         alpha = flight_alpha(g["swing_reach"], end_rate, cycle.flight_time)
         angle_end = touchdown.angle - g["swing_reach"].unsqueeze(-1)
-        distance = (height - g["swing_clearance_end"]).unsqueeze(-1) / torch.cos(angle_end)
+        # The other leg is on the ground when this one has to clear it.
+        distance = (steps.other(height) - g["swing_clearance_end"]).unsqueeze(-1) / torch.cos(angle_end)
         knee_end = safe_acos((distance**2 - body.thigh**2 - body.shank**2) / (2.0 * body.thigh * body.shank))
         angle_start, knee_start, knee_middle = (
             g[f"swing_{name}"].unsqueeze(-1) for name in ("angle_start", "knee_start", "knee_middle")
+        )
+        own_start, own_knee_start, own_touchdown = angle_start, knee_start, touchdown
+        # From here on the leg in the air is the other one.
+        touchdown, angle_start, knee_start, knee_middle, angle_end, knee_end, alpha = steps.other(
+            (touchdown, angle_start, knee_start, knee_middle, angle_end, knee_end, alpha)
         )
         # Stance: the active leg moves with the way of HIP, its knee on the parabola through three genes.
         p = hops.phase
@@ -106,9 +108,9 @@ class ThesisModel:
         # Flight, equation (5): knees blend linearly, leg angles on the parabola (6); the legs swap their roles.
         blend = flight_blend(p, alpha)
         trailing = LegPose(
-            takeoff.angle + (angle_start - takeoff.angle) * blend,
-            takeoff.knee + (knee_start - takeoff.knee) * p,
-            takeoff.tilt + (touchdown.tilt - takeoff.tilt) * p,
+            takeoff.angle + (own_start - takeoff.angle) * blend,
+            takeoff.knee + (own_knee_start - takeoff.knee) * p,
+            takeoff.tilt + (own_touchdown.tilt - takeoff.tilt) * p,
         )
         leading = LegPose(
             angle_end + (touchdown.angle - angle_end) * blend,
@@ -165,8 +167,9 @@ class ThesisModel:
         return channels, torch.stack(errors, dim=1), torch.stack(heights, dim=1)
 
     def trajectory(self, genes: dict[str, Tensor], speed: Tensor) -> Trajectory:
-        """One step of every candidate on frames; joint accelerations do not reach across take-off, gamma does."""
+        """One step, or both of a limp, on frames; joint accelerations do not reach across take-off, gamma does."""
         f = self.frames(genes, speed)
+        genes, speed, cycle = f.steps.genes, f.steps.speed, f.steps.cycle
         upper, error, com_height = self._balance(
             genes, speed, f.base, f.stride_phase, (f.target_side, f.target_forward)
         )
@@ -192,12 +195,13 @@ class ThesisModel:
         before = ending + (ending - leg_rates(last - 2))
         after = leg_rates(last + 1)
         used = f.hops.alive
-        force = f.cycle.leg_force_bw(f.hops.forward - f.hops.foot, f.hops.height)
+        force = cycle.leg_force_bw(f.hops.forward - f.hops.foot, f.hops.height)
         # A finished step ends in a frame of the next hop; one that fell or was cut off does not.
         complete = (
-            f.cycle.converged & (f.hops.hop[:, -1] > 0) & (f.stance_frames > 3) & (f.step_frames > f.stance_frames + 2)
+            cycle.converged & (f.hops.hop[:, -1] > 0) & (f.stance_frames > 3) & (f.step_frames > f.stance_frames + 2)
         )
-        return Trajectory(
+        forward_gain, side_gain = sway_sensitivity(self.character, genes)
+        found = Trajectory(
             weights=used.to(speed) * self.step,
             angles=angles,
             accelerations=accelerations,
@@ -214,58 +218,23 @@ class ThesisModel:
             contact_time=f.stance_frames.to(speed) * self.step,
             flight_time=(f.step_frames - f.stance_frames).to(speed) * self.step,
             speed=speed,
-            sway_stiffness=sway_sensitivity(self.character, genes)[0] / speed,
+            sway_stiffness=forward_gain / speed,
             solved=complete,
         )
+        return found if f.steps.count == 1 else join_steps(found, side_gain / speed)
 
-    def motion(self, genes: dict[str, Tensor], speed: Tensor, fps: float) -> Motion:
-        """One stride of a single candidate, after `strides` strides in which the balance settles.
+    def gait(self, genes: dict[str, Tensor], speed: Tensor) -> ThesisGait:
+        """The stride after `strides` strides in which the balance settles, over and over.
 
-        The step of the hopper is repeated; a balance that has not settled shows as a gap between first and last frame.
+        The steps of the hopper are repeated; a balance that has not settled shows as a jump at the end of the stride.
+        genes: name -> (P,) in SI units and rad. speed: (P,) [m/s].
         """
         f = self.frames(genes, speed)
-        used = int(f.step_frames[0])
-        stance = int(f.stance_frames[0])
-        turn = slice(0, used)
-        pieces = []
-        for k in range(2 * (self.strides + 1) + 1):
-            swapped = torch.full((1, used), k % 2 == 1)
-            pieces.append(mirror({name: values[:, turn] for name, values in f.base.items()}, swapped))
-        base = {name: torch.cat([piece[name] for piece in pieces], dim=-1) for name in pieces[0]}
-        steps = len(pieces)
-        signs = [1.0 - 2.0 * (k % 2) for k in range(steps)]
-        phase = torch.cat([f.stride_phase[:, turn] + math.pi * k for k in range(steps)], dim=-1)
-        side = torch.cat([sign * f.target_side[:, turn] for sign in signs], dim=-1)
-        forward = f.target_forward[:, turn].repeat(1, steps)
-        upper, _, _ = self._balance(genes, speed, base, phase, (side, forward))
-        channels = {**base, **upper}
-        height = f.hops.height[:, turn].repeat(1, steps)
-        force = f.cycle.leg_force_bw((f.hops.forward - f.hops.foot)[:, turn], f.hops.height[:, turn]).clamp_min(0.0)
-        force = torch.where(f.hops.in_flight[:, turn], torch.zeros_like(force), force).repeat(1, steps)
-        first = 2 * self.strides * used
-        # One frame more than the stride: the frame at which the next one begins.
-        kept = slice(first, first + 2 * used + 1)
-
-        def curve(values: Tensor, times: Tensor) -> Tensor:
-            position = (times / self.step).clamp(0.0, 2.0 * used)
-            below = position.floor().long().clamp(max=2 * used - 1)
-            share = position - below
-            return values[below] * (1.0 - share) + values[below + 1] * share
-
-        def sample(times: Tensor) -> Pose:
-            return Pose(
-                {name: curve(values[0, kept], times) for name, values in channels.items()},
-                curve(height[0, kept], times),
-                torch.stack([curve(values[0, kept], times) for values in (side, forward)], dim=-1),
-                curve(force[0, kept], times),
-            )
-
-        return finish_stride(
-            self.character,
-            sample,
-            stance * self.step,
-            (used - stance) * self.step,
-            float(speed),
-            fps,
-            speed,
-        )
+        # The frame at which the next stride begins is wanted too.
+        course = lay_out(f.steps, f.step_frames, 2 * (self.strides + 1) + 1)
+        values = along(course, f, self.step)
+        base = {name: values[name] for name in f.base}
+        own = {name: value[: len(speed)] for name, value in f.steps.genes.items()}
+        target = (values["target_side"], values["target_forward"])
+        upper, _, _ = self._balance(own, speed, base, values["stride_phase"], target)
+        return last_stride(self.character, {**values, **upper}, f, self.strides, self.step)

@@ -15,17 +15,14 @@ from torch import Tensor
 from hopdiff.numerics import chebyshev_nodes, integration_matrix
 
 
-def support_path(kind: str, phase: Tensor, contact: Tensor, flight: Tensor, speed: Tensor) -> Tensor:
-    """Forward position of the target relative to HIP over one step (P, M) [m], equation (7).
+def support_path(phase: Tensor, behind: Tensor, ahead: Tensor) -> Tensor:
+    """Forward position of the target relative to HIP during flight (P, M) [m], equation (7).
 
-    kind: "stance" or "flight". phase: (P, M) share of that phase. contact, flight, speed: (P,).
+    phase: (P, M) share of the flight. behind: (P,) how far the foot that left stays behind HIP at take-off; ahead:
+    (P,) how far the other is ahead at touchdown [m]. In stance the target is the foot.
     """
-    contact, flight, speed = contact.unsqueeze(-1), flight.unsqueeze(-1), speed.unsqueeze(-1)
-    half = 0.5 * speed * contact
-    if kind == "stance":
-        return half * (1.0 - 2.0 * phase)
-    # The target covers one step while HIP covers the flight.
-    return half * (2.0 * phase - 1.0)
+    behind, ahead = behind.unsqueeze(-1), ahead.unsqueeze(-1)
+    return (behind + ahead) * phase - behind
 
 
 def support_side(kind: str, phase: Tensor, half_width: Tensor) -> Tensor:
@@ -34,12 +31,13 @@ def support_side(kind: str, phase: Tensor, half_width: Tensor) -> Tensor:
     return side.expand_as(phase) if kind == "stance" else side * (1.0 - 2.0 * phase)
 
 
-def periodic_sway(forcing: Tensor, stiffness: Tensor, durations: Tensor, sign: float) -> Tensor:
-    """Periodic solution of dU/dt + k U = r over one step.
+def periodic_sway(forcing: Tensor, stiffness: Tensor, durations: Tensor, sign: float, steps: int = 1) -> Tensor:
+    """Periodic solution of dU/dt + k U = r over `steps` steps, each seen as a left one.
 
-    forcing: r (P, 2, N) on the Chebyshev nodes of stance and flight. stiffness: k (P,), positive [1/s].
-    durations: (P, 2) [s]. sign: +1 if U repeats every step (fore-aft), -1 if it changes sign (sideways).
-    Returns U (P, 2, N).
+    forcing: r (S P, 2, N) on the Chebyshev nodes of stance and flight, the first step of all P candidates first.
+    stiffness: k (S P,), positive [1/s]. durations: (S P, 2) [s]. sign: +1 if U is handed over from step to step as
+    it is (fore-aft), -1 if with the other sign (sideways, since every other step is seen in the mirror).
+    Returns U (S P, 2, N).
     """
     n = forcing.shape[-1]
     nodes = chebyshev_nodes(n, forcing.dtype, forcing.device)
@@ -49,6 +47,12 @@ def periodic_sway(forcing: Tensor, stiffness: Tensor, durations: Tensor, sign: f
     growth = torch.exp(stiffness[:, None, None] * times)
     area = (growth * forcing) @ integral.T * durations.unsqueeze(-1)
     area = torch.stack((area[:, 0], area[:, 0, -1:] + area[:, 1]), dim=1)
-    whole = growth[:, 1, -1]
-    start = area[:, 1, -1] / (sign * whole - 1.0) if sign > 0 else -area[:, 1, -1] / (whole + 1.0)
-    return (start[:, None, None] + area) / growth
+    # A step takes U to sign (area + U) / growth; what all steps together leave unchanged is the start.
+    areas, growths = area[:, 1, -1].chunk(steps), growth[:, 1, -1].chunk(steps)
+    offset, factor = torch.zeros_like(areas[0]), torch.ones_like(areas[0])
+    for step_area, step_growth in zip(areas, growths, strict=True):
+        offset, factor = sign * (step_area + offset) / step_growth, sign * factor / step_growth
+    begin = [offset / (1.0 - factor)]
+    for step_area, step_growth in zip(areas[:-1], growths[:-1], strict=True):
+        begin.append(sign * (step_area + begin[-1]) / step_growth)
+    return (torch.cat(begin)[:, None, None] + area) / growth

@@ -29,10 +29,10 @@ NEWTON_STEPS = {True: 6, False: 12}  # with the flight time given, and with the 
 class Cycle(NamedTuple):
     """A periodic hop: symmetric stance, then flight back to the touchdown state.
 
-    leg_length: rest length l [m]. touchdown_angle: theta_0 [rad]. speed [m/s].
+    leg_length: rest length l [m]. touchdown_angle: theta_0 [rad]. speed: in flight [m/s].
     contact_time, flight_time [s]. stiffness: kappa / m [1/s^2]. touchdown_rate: vertical speed at touchdown,
     negative [m/s]. half_stance: (P, STANCE_NODES) heights of HIP over the first half of stance [m].
-    converged: (P,) bool.
+    converged: (P,) bool. surge: by what share the mean speed of stance exceeds that of flight.
     """
 
     leg_length: Tensor
@@ -44,10 +44,16 @@ class Cycle(NamedTuple):
     touchdown_rate: Tensor
     half_stance: Tensor
     converged: Tensor
+    surge: Tensor
 
     @property
     def step_time(self) -> Tensor:
         return self.contact_time + self.flight_time
+
+    @property
+    def reach(self) -> Tensor:
+        """How far HIP is behind the foot at touchdown, and ahead of it at take-off (P,) [m]."""
+        return self.leg_length * torch.sin(self.touchdown_angle)
 
     def stance_height(self, phase: Tensor) -> Tensor:
         """Height of HIP (P, M) at stance phases (P, M), 0 at touchdown, 1 at take-off [m]."""
@@ -60,8 +66,7 @@ class Cycle(NamedTuple):
 
     def stance_forward(self, phase: Tensor) -> Tensor:
         """Forward position of HIP relative to the planted foot (P, M) [m]."""
-        reach = self.leg_length * torch.sin(self.touchdown_angle)
-        return (2.0 * phase - 1.0) * reach.unsqueeze(-1)
+        return (2.0 * surging(phase, self.surge.unsqueeze(-1)) - 1.0) * self.reach.unsqueeze(-1)
 
     def flight_height(self, phase: Tensor) -> Tensor:
         """Height of HIP (P, M) at flight phases (P, M), equation (3) [m]."""
@@ -73,6 +78,16 @@ class Cycle(NamedTuple):
         """Force along the leg in body weights for HIP positions (P, M) relative to the foot."""
         length = safe_sqrt(forward**2 + height**2)
         return self.stiffness.unsqueeze(-1) * (self.leg_length.unsqueeze(-1) - length) / GRAVITY
+
+
+def surging(phase: Tensor, surge: Tensor) -> Tensor:
+    """Share of the stance distance covered at a stance phase, both in [0, 1].
+
+    With no surge the speed is constant. Otherwise it starts and ends at the speed of flight and swells smoothly in
+    between, the same forwards and backwards in time, so that stance is shorter by 1 / (1 + surge).
+    """
+    swell = phase**3 * (10.0 - 15.0 * phase + 6.0 * phase**2)
+    return (phase + surge * swell) / (1.0 + surge)
 
 
 def flight_time(height: Tensor, rate: Tensor, end_height: Tensor) -> Tensor:
@@ -91,15 +106,17 @@ def solve_cycle(
     speed: Tensor,
     flight_time: Tensor | None = None,
     stiffness: Tensor | None = None,
+    surge: Tensor | None = None,
 ) -> Cycle:
     """The periodic hop for a leg, an angle and a speed, given either its flight time or its stiffness kappa / m.
 
-    With a constant forward speed a periodic stance is symmetric in time, so half of it is a boundary-value
+    With a forward speed that is the same forwards and backwards in time (constant, but for `surge`, see `surging`)
+    a periodic stance is symmetric in time, so half of it is a boundary-value
     problem: touchdown height and vertical speed on one side, no vertical speed on the other. It is solved by
     Newton's method on Chebyshev nodes, without gradient, in float64; one more Newton step at the solution
     carries the gradient (implicit function theorem), with respect to all arguments.
 
-    Arguments: (P,) each, in m, rad, m/s, s and 1/s^2. One stiffness can belong to two hops if the leg folds deeply;
+    Arguments: (P,) each, in m, rad, m/s, s, 1/s^2 and 1. One stiffness can belong to two hops if the leg folds deeply;
     the one nearer to a linear spring is found then. Candidates without a solution come back with
     converged False and finite, meaningless numbers.
     """
@@ -108,10 +125,11 @@ def solve_cycle(
     dtype = leg_length.dtype
     given = flight_time if flight_time is not None else stiffness
     assert given is not None
-    length, angle, pace, given = (
-        x.double() for x in torch.broadcast_tensors(leg_length, touchdown_angle, speed, given)
+    surge = torch.zeros_like(leg_length) if surge is None else surge
+    length, angle, pace, given, surge = (
+        x.double() for x in torch.broadcast_tensors(leg_length, touchdown_angle, speed, given, surge)
     )
-    half_time = length * torch.sin(angle) / pace
+    half_time = length * torch.sin(angle) / (pace * (1.0 + surge))
     contact_time = 2.0 * half_time
     # Lengths in units of l, times in units of half the contact time.
     gravity = GRAVITY * half_time**2 / length
@@ -122,7 +140,7 @@ def solve_cycle(
     nodes = chebyshev_nodes(STANCE_NODES, torch.float64, length.device)
     first = differentiation_matrix(STANCE_NODES, torch.float64, length.device)
     second = second_differentiation_matrix(STANCE_NODES, torch.float64, length.device)
-    forward = -torch.sin(angle).unsqueeze(-1) * (1.0 - nodes)
+    forward = -torch.sin(angle).unsqueeze(-1) * (1.0 - 2.0 * surging(0.5 * nodes, surge.unsqueeze(-1)))
 
     def residual(height: Tensor, push: Tensor) -> Tensor:
         """Rows: touchdown height, equation of motion at the inner nodes, mid-stance rate, the known quantity."""
@@ -185,6 +203,7 @@ def solve_cycle(
         touchdown_rate=rate.to(dtype),
         half_stance=(height * length.unsqueeze(-1)).to(dtype),
         converged=converged,
+        surge=surge.to(dtype),
     )
 
 

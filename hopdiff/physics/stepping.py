@@ -46,14 +46,19 @@ def step_hopper(
     step: float,
     hops: int,
     max_frames: int,
+    landing_height: Tensor | None = None,
+    flight_speed: Tensor | None = None,
 ) -> Hops:
     """Step a hopper through stance (2) and flight (3), (4) from touchdown (1).
 
     leg_length [m], touchdown_angle [rad], speed [m/s], stiffness kappa / m [1/s^2], touchdown_rate: vertical speed at
-    the first touchdown [m/s]; all (P,). step: h [s]. Ends after `hops` hops or `max_frames` frames. A hopper that
-    falls to the ground or cannot rise again stops being alive.
+    the first touchdown [m/s]; all (P,). step: h [s]. landing_height: of HIP at the next touchdown [m], if the legs
+    differ. flight_speed: forward speed in flight [m/s], if it is not that of stance. Ends after `hops` hops or
+    `max_frames` frames. A hopper that falls to the ground or cannot rise again stops being alive.
     """
     reach, start_height = leg_length * torch.sin(touchdown_angle), leg_length * torch.cos(touchdown_angle)
+    landing_height = start_height if landing_height is None else landing_height
+    flight_speed = speed if flight_speed is None else flight_speed
     zero = torch.zeros_like(leg_length)
     forward, foot = -reach, zero
     height = start_height
@@ -76,14 +81,14 @@ def step_hopper(
         stance_next = lift * step**2 + 2.0 * height - before
         next_time = time + step
         flight_next = takeoff_height + takeoff_rate * next_time - 0.5 * GRAVITY * next_time**2
-        next_forward = forward + speed * step
+        next_forward = forward + torch.where(in_flight, flight_speed, speed) * step
         lands = in_flight & (next_time >= duration)
-        next_height = torch.where(in_flight, torch.where(lands, start_height, flight_next), stance_next)
+        next_height = torch.where(in_flight, torch.where(lands, landing_height, flight_next), stance_next)
         next_length = safe_sqrt((next_forward - foot) ** 2 + next_height**2)
         leaves = ~in_flight & (next_length >= leg_length)
 
         rate = (next_height - height) / step
-        air = flight_time(next_height, rate, start_height)
+        air = flight_time(next_height, rate, landing_height)
         takeoff_forward = torch.where(leaves, next_forward, torch.where(lands, zero, takeoff_forward))
         takeoff_height = torch.where(leaves, next_height, torch.where(lands, zero, takeoff_height))
         landing_rate = takeoff_rate - GRAVITY * duration
@@ -91,7 +96,7 @@ def step_hopper(
         fails = (leaves & ~(air > 0)) | (~in_flight & (next_height <= 0.05 * leg_length))
         duration = torch.where(leaves, torch.nan_to_num(air), torch.where(lands, zero, duration))
         time = torch.where(leaves | lands, zero, next_time)
-        before = torch.where(lands, start_height - step * landing_rate - 0.5 * step**2 * GRAVITY, height)
+        before = torch.where(lands, landing_height - step * landing_rate - 0.5 * step**2 * GRAVITY, height)
         foot = torch.where(lands, next_forward + reach, foot)
         hop = hop + (lands & alive)
         in_flight = (in_flight | leaves) & ~lands

@@ -5,18 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+import torch
+from scipy.spatial import ConvexHull
 
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
-
-Array = NDArray[np.float64]
+from hopdiff.plots.view import Array, Camera
 
 # Half thickness along a limb or the trunk, in limb or trunk lengths, at 0, 1/2 and 1 of the way.
 _THICKNESS = {"leg": (0.085, 0.055, 0.028), "arm": (0.078, 0.055, 0.036), "trunk": (0.19, 0.17, 0.16)}
 _WAY = (0.0, 0.5, 1.0)
 _HEAD_SHARE = 0.78  # of the way from the neck joint to the top of the head
 _HEAD_WIDTH = 0.8  # of the head's height
+# The trunk from any side, beyond its thickness.
+_WAIST = 0.3  # how much wider than thick it is where no limbs grow from it
+_RIBS = (0.5, 0.85)  # of the way from its spine to the root of a limb, and of its thickness there
+_ROOT = 0.85  # of that way its outermost part, as thick as the limb
+_SIGN = {"left": 1.0, "right": -1.0}
 _DEPTH = {"far arm": 0, "far leg": 1, "middle trunk": 2, "middle head": 3, "near leg": 4, "near arm": 5}
 
 
@@ -37,11 +42,21 @@ class _Bone:
     radii: tuple[float, float]
 
 
-class Body:
-    """Turns points of a pose into parts, far ones first, seen from the runner's right: forward is to the right.
+@dataclass(frozen=True)
+class _Girth:
+    """The trunk around one of its nodes. radius: half its thickness [m]; roots: first node and radius of each limb."""
 
-    The left side is the far one. A joint belongs to a side if its name says so; the head is the end site of the joint
-    "neck", if there is one. Thickness goes with the length of limbs and trunk, so every body size looks right.
+    node: int
+    radius: float
+    roots: tuple[tuple[int, float], ...]
+
+
+class Body:
+    """Turns points of a pose into parts, far ones first.
+
+    Seen from the runner's right, forward is to the right and the left side is the far one; a camera sees the body
+    from anywhere else. A joint belongs to a side if its name says so; the head is the end site of the joint "neck",
+    if there is one. Thickness goes with the length of limbs and trunk, so every body size looks right.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
@@ -49,6 +64,8 @@ class Body:
         self.end_names = tuple(name for name in skeleton.names if name in skeleton.end_sites)
         bones = _bones(skeleton, self.end_names)
         self._bones = sorted(bones, key=lambda bone: _DEPTH[f"{_layer(bone.side)} {bone.kind}"])
+        self._sides = [side_of(name) for name in (*self.joint_names, *self.end_names)]
+        self._girths = _girths(skeleton, bones)
 
     def points(self, clip: Clip) -> Array:
         """(T, J + E, 3) world positions of the joints and, after them, the end sites [m]."""
@@ -58,19 +75,50 @@ class Body:
         tracks += [ends[name].detach().cpu().double().numpy()[:, None] for name in self.end_names]
         return np.concatenate(tracks, axis=1)
 
-    def parts(self, points: Array) -> list[Part]:
-        """The shapes of one pose. points: (J + E, 3). Outlines have the world's z as first, y as second axis."""
+    def parts(self, points: Array, camera: Camera | None = None) -> list[Part]:
+        """The shapes of one pose. points: (J + E, 3).
+
+        Outlines have the world's z as first, y as second axis; with a camera, what is right and up in its picture.
+        """
+        if camera is not None:
+            return self._seen(points, camera)
         flat = points[:, [2, 1]]
         parts = []
         for bone in self._bones:
             start, end = flat[bone.start], flat[bone.end]
             if bone.kind == "head":
-                chin = end + _HEAD_SHARE * (start - end)
-                parts.append(Part("middle", capsule(start, chin, *bone.radii)))
-                parts.append(Part("middle", ellipse(chin, end, _HEAD_WIDTH)))
+                parts += _head(flat, bone)
             else:
                 parts.append(Part(bone.side, capsule(start, end, *bone.radii)))
         return parts
+
+    def _seen(self, points: Array, camera: Camera) -> list[Part]:
+        flat, near = camera.project(points)[:, :2], camera.nearness(points)
+        # The middle is one piece in one colour, so its own order does not matter.
+        trunk = float(near[list(self._girths) or [0]].mean())
+        found = [(trunk, part) for part in self._middle(points, flat, camera)]
+        for bone in self._bones:
+            if bone.side == "middle":
+                continue
+            outline = capsule(flat[bone.start], flat[bone.end], *bone.radii)
+            found.append((float(near[[bone.start, bone.end]].mean()), Part(bone.side, outline)))
+        return [part for _, part in sorted(found, key=lambda item: item[0])]
+
+    def _middle(self, points: Array, flat: Array, camera: Camera) -> list[Part]:
+        """Head and trunk; the trunk is a hull around every two of its nodes: hips and waist, waist and shoulders."""
+        wide = sum((_SIGN[self._sides[root]] * points[root] for root, _ in self._roots()), np.zeros(3))
+        wide = camera.project(wide / max(float(np.linalg.norm(wide)), 1e-9))[:2]
+        parts = []
+        for bone in self._bones:
+            if bone.kind == "trunk":
+                rings = (_ring(self._girths[node], flat, wide) for node in (bone.start, bone.end))
+                parts.append(Part("middle", hull(np.concatenate(list(rings)))))
+            elif bone.kind == "head":
+                parts += _head(flat, bone)
+        return parts
+
+    def _roots(self) -> list[tuple[int, float]]:
+        return [root for girth in self._girths.values() for root in girth.roots]
 
     def lines(self, points: Array, side: str, arms: bool = True) -> list[Array]:
         """Centre lines (2, 2) of the bones of a side, for thin stick figures."""
@@ -113,6 +161,36 @@ def ellipse(bottom: Array, top: Array, width: float, corners: int = 32) -> Array
     return (bottom + top) / 2 + np.cos(angle) * along + np.sin(angle) * across
 
 
+def hull(points: Array) -> Array:
+    """The corners (K, 2) of the smallest convex outline around points (N, 2)."""
+    return points[ConvexHull(points).vertices]
+
+
+def _circle(centre: Array, radius: float, corners: int = 20) -> Array:
+    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    return np.asarray(centre + radius * np.stack((np.cos(angle), np.sin(angle)), axis=1))
+
+
+def _head(flat: Array, bone: _Bone) -> list[Part]:
+    start, end = flat[bone.start], flat[bone.end]
+    chin = end + _HEAD_SHARE * (start - end)
+    return [Part("middle", capsule(start, chin, *bone.radii)), Part("middle", ellipse(chin, end, _HEAD_WIDTH))]
+
+
+def _ring(girth: _Girth, flat: Array, wide: Array) -> Array:
+    """Points (N, 2) in the picture around the trunk at one of its nodes. wide: (2,) unit step to the left in it."""
+    spine = flat[girth.node]
+    if not girth.roots:
+        aside = _WAIST * girth.radius * wide
+        return np.concatenate([_circle(spine + sign * aside, girth.radius) for sign in (-1.0, 1.0)])
+    circles = []
+    for root, radius in girth.roots:
+        way, thickness = _RIBS
+        circles.append(_circle(spine + _ROOT * (flat[root] - spine), radius))
+        circles.append(_circle(spine + way * (flat[root] - spine), thickness * girth.radius))
+    return np.concatenate(circles)
+
+
 def _layer(side: str) -> str:
     return {"left": "far", "right": "near"}.get(side, "middle")
 
@@ -152,3 +230,21 @@ def _bones(skeleton: Skeleton, end_names: tuple[str, ...]) -> list[_Bone]:
         start, end = np.interp(way, _WAY, _THICKNESS[kind]) * total
         bones.append(_Bone(parents[node], node, sides[node], kind, (float(start), float(end))))
     return bones
+
+
+def _girths(skeleton: Skeleton, bones: list[_Bone]) -> dict[int, _Girth]:
+    """The trunk's nodes with the limbs that grow nearest to them while the body stands."""
+    identity = torch.eye(3, dtype=skeleton.offsets.dtype).expand(len(skeleton.names), 3, 3)
+    rest, _ = skeleton.forward(skeleton.offsets[0].cpu(), identity)
+    radii: dict[int, float] = {}
+    for bone in bones:
+        if bone.kind == "trunk":
+            radii.setdefault(bone.start, bone.radii[0])
+            radii[bone.end] = bone.radii[1]
+    roots: dict[int, list[tuple[int, float]]] = {node: [] for node in radii}
+    ends = {bone.end for bone in bones}
+    for bone in bones:
+        if bone.kind in ("arm", "leg") and bone.start not in ends and radii:
+            nearest = min(radii, key=lambda node: float((rest[node] - rest[bone.start]).norm()))
+            roots[nearest].append((bone.start, bone.radii[0]))
+    return {node: _Girth(node, radius, tuple(roots[node])) for node, radius in radii.items()}

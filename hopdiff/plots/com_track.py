@@ -2,44 +2,79 @@
 
 from __future__ import annotations
 
-import torch
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
+from torch import Tensor
 
 from hopdiff.motion import SIDES, Motion
 from hopdiff.plots import style
+from hopdiff.plots.body import Array
+
+_SCALE = {True: 1.0, False: 100.0}  # sideways in metres, or in centimetres where it is drawn larger
 
 
-def com_track_figure(motion: Motion, strides: int = 2) -> Figure:
+def com_track_figure(motion: Motion, strides: int = 2, equal: bool = False) -> Figure:
     """Target (dashed) and actual (solid) centre of mass and the footprints, seen from above, left side up.
 
-    Sideways is drawn larger than forward, since the body sways by centimetres and travels by metres.
+    strides: how many to show; a motion that holds fewer is repeated. equal: both ways in one scale; without it
+    sideways is drawn larger than forward, since the body sways by centimetres and travels by metres.
     """
-    travel = (motion.clip.root_position[-1] - motion.clip.root_position[0]).cpu()
+    scale = _SCALE[equal]
+    rounds = max(1, -(-strides // held_strides(motion)))
+    end = _end(motion, strides) if rounds == 1 else float(motion.times[-1])
+    keep = _numbers(motion.times) <= end + 1e-9
+    root = _numbers(motion.clip.root_position)
+    travel = root[-1] - root[0]
     figure = style.new_figure(11.0, 4.2, "Centre of mass from above")
     axes = style.tidy(figure.add_subplot())
     for name, track, line, colour in (
         ("target", motion.com_target, "--", style.GROUND),
         ("actual", motion.com, "-", style.INK),
     ):
-        path = torch.cat([track.cpu() + k * travel for k in range(strides)])
-        axes.plot(path[:, 2], 100.0 * path[:, 0], line, color=colour, linewidth=1.8, label=name)
+        path = np.concatenate([_numbers(track)[keep] + k * travel for k in range(rounds)])
+        axes.plot(path[:, 2], scale * path[:, 0], line, color=colour, linewidth=1.8, label=name)
     for side, name in enumerate(SIDES):
-        frames = motion.contact[:-1, side].nonzero()
-        if len(frames) == 0:
-            continue
-        place = motion.feet[int(frames[0, 0]), side].cpu()
-        for k in range(strides):
-            left, forward = 100.0 * float(place[0]), float(place[2] + k * travel[2])
-            axes.add_patch(
-                Ellipse(
-                    (forward, left), 0.26, 0.7, color=style.SIDE_COLOURS[name], label=f"{name} foot" if k == 0 else None
-                )
-            )
-    low, high = axes.get_ylim()
-    reach = max(abs(low), abs(high), 5.0) * 1.15
-    axes.set_ylim(-reach, reach)
+        places = [place + k * travel for k in range(rounds) for place in _touchdowns(motion, side, end)]
+        for number, place in enumerate(places):
+            size = (0.26, 0.1) if equal else (0.26, 0.7)
+            label = f"{name} foot" if number == 0 else None
+            axes.add_patch(Ellipse((place[2], scale * place[0]), *size, color=style.SIDE_COLOURS[name], label=label))
     axes.set_xlabel("forward [m]")
-    axes.set_ylabel("to the left [cm]")
+    if equal:
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_ylabel("to the left [m]")
+    else:
+        low, high = axes.get_ylim()
+        reach = max(abs(low), abs(high), 5.0) * 1.15
+        axes.set_ylim(-reach, reach)
+        axes.set_ylabel("to the left [cm]")
     figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
+
+
+def held_strides(motion: Motion) -> int:
+    """How many strides, of two steps each, a motion holds."""
+    return max(1, len(motion.phases) // 4)
+
+
+def _end(motion: Motion, strides: int) -> float:
+    """When the last of so many strides ends [s]."""
+    return motion.phases[4 * strides - 1].end if motion.phases else float(motion.times[-1])
+
+
+def _touchdowns(motion: Motion, side: int, end: float) -> list[Array]:
+    """Where a foot (0 left, 1 right) stands (3,) [m] in the first frame of each of its stances that begins before
+    `end`; a stance without a frame leaves none."""
+    times, feet = _numbers(motion.times), _numbers(motion.feet)[:, side]
+    contact = _numbers(motion.contact)[:, side] > 0
+    found = []
+    for phase in motion.phases:
+        if phase.kind == "stance" and phase.side == SIDES[side] and phase.start < end - 1e-9:
+            frames = np.flatnonzero(contact & (times >= phase.start - 1e-9) & (times <= phase.end + 1e-9))
+            found += [feet[frame] for frame in frames[:1]]
+    return found
+
+
+def _numbers(values: Tensor) -> Array:
+    return np.asarray(values.detach().cpu().double().numpy())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from hopdiff.io.files import read_json, read_text
 from hopdiff.plots import style
@@ -83,26 +83,27 @@ def compare_figures(records: Sequence[RunRecord]) -> dict[str, Figure]:
 
 
 def convergence_overlay(records: Sequence[RunRecord]) -> Figure:
-    """Best cost against what was spent, a panel for every speed and beta, a colour for every search.
+    """Best cost against what was spent, a panel for every speed and beta, a colour for every series (see `series`).
 
-    Several runs of one search make a line for their median and a band from the least to the greatest.
+    Several runs of one series make a line for their median and a band from the least to the greatest.
     """
     searched = [record for record in records if record.history]
-    problems = sorted({_problem(record) for record in searched})
+    problems = sorted({problem_of(record) for record in searched})
+    name = series(records)
     columns = min(3, len(problems))
     rows = math.ceil(len(problems) / columns)
     figure = style.new_figure(4.2 * columns + 0.8, 3.0 * rows + 1.3, "Best cost against evaluations")
     panels = list(figure.subplots(rows, columns, squeeze=False).flat)
-    colours = _colours(searched)
+    colours = colours_of(map(name, searched))
     for axes, problem in zip(panels, problems, strict=False):
         groups = defaultdict(list)
         for record in searched:
-            if _problem(record) == problem:
-                groups[str(record.metrics["search"])].append(record)
-        for search, group in sorted(groups.items()):
-            _band(axes, group, colours[search], search)
+            if problem_of(record) == problem:
+                groups[name(record)].append(record)
+        for label, group in sorted(groups.items()):
+            _band(axes, group, colours[label], label)
         _scale_cost(axes, [record for group in groups.values() for record in group])
-        axes.set_title(_problem_name(problem))
+        axes.set_title(problem_name(problem))
         style.tidy(axes)
     for axes in panels[max(0, len(problems) - columns) : len(problems)]:
         axes.set_xlabel("evaluations (a gradient counts as several)")
@@ -130,7 +131,7 @@ def _scale_cost(axes: Axes, group: Sequence[RunRecord]) -> None:
 
 def _band(axes: Axes, group: Sequence[RunRecord], colour: str, label: str) -> None:
     grid = np.unique(np.concatenate([record.history["spent"] for record in group]))
-    curves = np.array([_held(grid, record.history["spent"], record.history["best"]) for record in group])
+    curves = np.array([held(grid, record.history["spent"], record.history["best"]) for record in group])
     known = np.isfinite(curves).all(axis=0)
     axes.plot(grid[known], np.median(curves[:, known], axis=0), color=colour, linewidth=1.8, label=label)
     if len(group) > 1:
@@ -144,26 +145,27 @@ def _band(axes: Axes, group: Sequence[RunRecord], colour: str, label: str) -> No
         )
 
 
-def _held(grid: np.ndarray, spent: Sequence[float], best: Sequence[float]) -> np.ndarray:
+def held(grid: np.ndarray, spent: Sequence[float] | np.ndarray, best: Sequence[float] | np.ndarray) -> np.ndarray:
     """The best value so far at every point of the grid; infinite before the first."""
     place = np.searchsorted(spent, grid, side="right") - 1
     return np.where(place >= 0, np.asarray(best)[np.maximum(place, 0)], np.inf)
 
 
 def summary_figure(records: Sequence[RunRecord]) -> Figure:
-    """Final cost, energy error and time: a row for every search of every speed and beta, a dot a run, a bar the median.
+    """Final numbers: a row for every series of every speed and beta, a dot a run, a bar the median.
 
     Costs of different speeds or betas are never pooled: they are not of one kind.
     """
+    name = series(records)
     groups = defaultdict(list)
     for record in records:
-        groups[_problem(record), str(record.metrics["search"])].append(record.metrics)
+        groups[problem_of(record), name(record)].append(record.metrics)
     keys = sorted(groups)
     # Half a row of air between one speed and beta and the next.
     places = np.cumsum([0.0] + [1.0 if a[0] == b[0] else 1.5 for a, b in pairwise(keys)])
     figure = style.new_figure(12.0, 1.3 + 0.3 * (float(places[-1]) + 1.0), "Results by search")
     panels = figure.subplots(1, len(_RESULTS), sharey=True)
-    colours = _colours(records)
+    colours = colours_of(map(name, records))
     for axes, (label, value) in zip(panels, _RESULTS, strict=True):
         for place, key in zip(places, keys, strict=True):
             found = np.array([value(metrics) for metrics in groups[key]], dtype=float)
@@ -172,10 +174,11 @@ def summary_figure(records: Sequence[RunRecord]) -> Figure:
                 axes.plot(found, np.full(len(found), place), "o", color=colours[key[1]], alpha=0.55, markeredgewidth=0)
                 axes.plot([np.median(found)] * 2, [place - 0.35, place + 0.35], color=colours[key[1]], linewidth=2.5)
         axes.set_xlabel(label)
+        axes.xaxis.set_major_locator(MaxNLocator(4))
         style.tidy(axes)
-    panels[0].set_yticks(places, [f"{_problem_name(problem)}:  {search}" for problem, search in keys])
+    panels[0].set_yticks(places, [f"{problem_name(problem)}:  {label}" for problem, label in keys])
     panels[0].set_ylim(places[-1] + 0.7, -0.7)
-    panels[1].axvline(0.0, color=style.GROUND, linewidth=1.0, zorder=1)
+    panels[_RESULTS.index(_ENERGY)].axvline(0.0, color=style.GROUND, linewidth=1.0, zorder=1)
     return figure
 
 
@@ -205,21 +208,35 @@ def _energy_error(metrics: dict[str, Any]) -> float:
     return 100.0 * (metrics["energy_rate"] / target - 1.0) if target else math.nan
 
 
-_RESULTS: tuple[tuple[str, Callable[[dict[str, Any]], float | None]], ...] = (
+_Result = tuple[str, Callable[[dict[str, Any]], float | None]]
+_ENERGY: _Result = ("energy error [%]", _energy_error)
+_RESULTS: tuple[_Result, ...] = (
     ("final cost", lambda metrics: metrics["cost"]),
-    ("energy error [%]", _energy_error),
+    ("eval of Kang (1999)", lambda metrics: metrics.get("eval")),
+    _ENERGY,
     ("time of the search [s]", lambda metrics: metrics.get("wall_seconds")),
 )
 
 
-def _problem(record: RunRecord) -> tuple[float, float]:
+def series(records: Sequence[RunRecord]) -> Callable[[RunRecord], str]:
+    """What the line of a run is called: its search, and whichever of its body and genes tell the runs apart."""
+    names = [name for name in ("character", "genes") if len({_choice(record, name) for record in records}) > 1]
+    return lambda record: ", ".join([str(record.metrics["search"]), *(_choice(record, name) for name in names)])
+
+
+def _choice(record: RunRecord, name: str) -> str:
+    return str(record.metrics.get(name, "default"))
+
+
+def problem_of(record: RunRecord) -> tuple[float, float]:
+    """Speed and beta of a run."""
     return record.metrics["speed"], record.metrics["beta"]
 
 
-def _problem_name(problem: tuple[float, float]) -> str:
+def problem_name(problem: tuple[float, float]) -> str:
     return f"{problem[0]:g} m/s, beta {problem[1]:g}"
 
 
-def _colours(records: Sequence[RunRecord]) -> dict[str, str]:
-    names = sorted({str(record.metrics["search"]) for record in records})
-    return {name: style.SERIES[i % len(style.SERIES)] for i, name in enumerate(names)}
+def colours_of(names: Iterable[str]) -> dict[str, str]:
+    """A colour for every different name."""
+    return {name: style.SERIES[i % len(style.SERIES)] for i, name in enumerate(sorted(set(names)))}

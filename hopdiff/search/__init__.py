@@ -4,6 +4,7 @@ from hopdiff.search.cmaes import CMAES
 from hopdiff.search.ga import GA
 from hopdiff.search.gradient import Gradient
 from hopdiff.search.hybrid import Hybrid
+from hopdiff.search.ordinary import Ordinary
 from hopdiff.search.random import Random
 
 SEARCHES: dict[str, type] = {
@@ -12,4 +13,5 @@ SEARCHES: dict[str, type] = {
     "hybrid": Hybrid,
     "cmaes": CMAES,
     "random": Random,
+    "ordinary": Ordinary,
 }

@@ -33,7 +33,10 @@ class Eval(NamedTuple):
 
 @runtime_checkable
 class Problem(Protocol):
-    """Anything that prices points of the unit box [0, 1]^G."""
+    """Anything that prices points of the unit box [0, 1]^G.
+
+    It may have an attribute `start` (G,), the point that it would try first; only the search Ordinary asks for it.
+    """
 
     @property
     def dimension(self) -> int: ...

@@ -166,6 +166,8 @@ class _Ledger:
     def failure(self) -> str:
         reasons = ((count, status) for status, count in self.statuses.items() if status != Status.OK)
         sentence = max(reasons, default=(0, Status.NOT_FINITE))[1].sentence
+        if self.evaluations == 1:
+            return f"The one candidate tried is not a possible run: {sentence}"
         return f"None of the {self.evaluations} candidates tried is a possible run, most often because: {sentence}"
 
     def enter(self, genes: Tensor, evaluation: Eval, with_grad: bool) -> HistoryRow:

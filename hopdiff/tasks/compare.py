@@ -11,6 +11,7 @@ from hopdiff.io.events import write_events
 from hopdiff.io.record import prepare_folder, write_table
 from hopdiff.plots.compare import RunRecord, compare_figures, read_run
 from hopdiff.plots.save import save_figure
+from hopdiff.plots.scaled import can_scale, scaled_convergence_figure
 from hopdiff.tasks.results import shown
 from hopdiff.types import HopdiffError
 
@@ -20,8 +21,11 @@ COLUMNS = (
     ("beta", "beta", ".2f"),
     ("search", "search", ""),
     ("model", "model", ""),
+    ("character", "character", ""),
+    ("genes", "genes", ""),
     ("seed", "seed", ""),
     ("cost", "cost", ".4f"),
+    ("eval", "eval", ".4f"),
     ("gamma", "gamma", ".3f"),
     ("energy", "energy_rate", ".3f"),
     ("target", "energy_target", ".3f"),
@@ -43,7 +47,10 @@ def compare(runs: Path, folder: Path) -> None:
     names = [str(path.relative_to(runs)) if path != runs else path.name for path in found]
     write_comparison(folder / "compare.csv", names, records)
     pictures = {}
-    for name, figure in compare_figures(records).items():
+    figures = compare_figures(records)
+    if can_scale(records):
+        figures["scaled"] = scaled_convergence_figure(records)
+    for name, figure in figures.items():
         pictures[name] = folder / f"{name}.png"
         save_figure(figure, pictures[name])
     write_events(folder, pictures=pictures)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -62,9 +62,13 @@ def search_run(job: Job, on_step: OnStep | None = None) -> Run:
 
     on_step: called after every step of the search. Raises HopdiffError if no valid candidate turned up.
     """
-    generator = torch.Generator().manual_seed(job.seed)
-    result = run_search(job.problem, job.search, job.budget, generator, on_step)
+    result = find(job, on_step)
     return make_run(job, result.best_genes, result)
+
+
+def find(job: Job, on_step: OnStep | None = None) -> SearchResult:
+    """The search alone."""
+    return run_search(job.problem, job.search, job.budget, torch.Generator().manual_seed(job.seed), on_step)
 
 
 def make_run(job: Job, genes: Tensor, result: SearchResult | None = None) -> Run:
@@ -89,11 +93,25 @@ def _provenance(job: Job, motion: Motion, result: SearchResult | None) -> dict[s
         "wall_seconds": result.seconds if result else 0.0,
         "search": job.search.name if result else "none",
         "model": job.settings["model"]["name"],
-        "character": job.settings["character"]["name"],
+        "character": _body_choice(job.settings["character"]),
+        "genes": _gene_choice(job.settings["genes"]),
         "seed": job.seed,
         "frames": motion.clip.frames,
         "frame_time": motion.clip.frame_time,
     }
+
+
+def _body_choice(settings: Mapping[str, Any]) -> str:
+    """The character and how it is changed, in one word: "human+legs=1.2"."""
+    changed = [f"{part}={factor:g}" for part, factor in settings["proportions"].items() if factor != 1.0]
+    return "+".join([settings["name"], *changed])
+
+
+def _gene_choice(settings: Mapping[str, Any]) -> str:
+    """The gene table and how it departs from its plain use, in one word: "default+common_eta+step_width=0.1"."""
+    common = ["common_eta"] if settings["common_eta"] else []
+    fixed = [f"{name}={value:g}" for name, value in sorted(settings["fixed"].items())]
+    return "+".join([settings["name"], *common, *fixed])
 
 
 @contextmanager

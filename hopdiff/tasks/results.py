@@ -18,6 +18,7 @@ from hopdiff.plots.angles import angles_figure
 from hopdiff.plots.animation import write_gif
 from hopdiff.plots.com_track import com_track_figure
 from hopdiff.plots.convergence import convergence_figure
+from hopdiff.plots.front import front_figure
 from hopdiff.plots.save import save_figure
 from hopdiff.plots.strip import strip_figure
 from hopdiff.search.loop import HistoryRow
@@ -34,15 +35,20 @@ def write_run(folder: Path, job: Job, run: Run, command: list[str]) -> None:
     """
     write_bvh(folder / "motion.bvh", run.clip)
     write_bvh(folder / "motion_in_place.bvh", run.clip.in_place())
+    pictures = {}
+    if job.settings["pictures"]:
+        pictures = write_pictures(folder, stride_figures(run))
+        write_gif(folder / "motion.gif", run.motion)
+    write_numbers(folder, job, run, command, pictures)
+
+
+def write_numbers(folder: Path, job: Job, run: Run, command: list[str], pictures: Mapping[str, Path]) -> None:
+    """Write all of a run that is no motion: genes, metrics, record, history, and events with the pictures in them."""
     write_genes(folder / "genes.json", job.saved, run.genes, job.table.units)
     write_json(folder / "metrics.json", run.metrics)
-    write_whole(folder / "config.yaml", OmegaConf.to_yaml(OmegaConf.create(job.settings)))
-    write_json(folder / "versions.json", versions(command))
-    write_json(folder / "git.json", git_state(Path(__file__).parent))
+    write_record(folder, job.settings, command)
     if run.history:
         write_table(folder / "history.csv", HistoryRow._fields, run.history)
-    pictures = write_pictures(folder, run)
-    write_gif(folder / "motion.gif", run.motion)
     write_events(
         folder,
         scalars=[_scalars(row) for row in run.history],
@@ -52,20 +58,49 @@ def write_run(folder: Path, job: Job, run: Run, command: list[str]) -> None:
     )
 
 
-def write_pictures(folder: Path, run: Run) -> dict[str, Path]:
-    """Draw a run; returns the pictures by name."""
+def write_record(folder: Path, settings: Mapping[str, Any], command: list[str]) -> None:
+    """Write what a run was made with: config.yaml, versions.json, git.json.
+
+    settings: the whole configuration as plain data. command: the overrides typed by the user.
+    """
+    write_whole(folder / "config.yaml", OmegaConf.to_yaml(OmegaConf.create(dict(settings))))
+    write_json(folder / "versions.json", versions(command))
+    write_json(folder / "git.json", git_state(Path(__file__).parent))
+
+
+Figures = dict[str, Callable[[], Figure]]  # name -> what draws it
+
+
+def stride_figures(run: Run) -> Figures:
+    """The pictures of one stride."""
     title = f"{run.metrics['speed']:g} m/s, beta {run.metrics['beta']:g}"
-    figures: dict[str, Callable[[], Figure]] = {
+    figures: Figures = {
         "strip": lambda: strip_figure(run.motion, title),
         "com_track": lambda: com_track_figure(run.motion),
         "angles": lambda: angles_figure(run.motion),
     }
-    if run.history:
-        figures["convergence"] = lambda: convergence_figure(run.history)
+    if limps(run):
+        figures["front"] = lambda: front_figure(run.motion, title)
+    return figures | search_figures(run)
+
+
+def search_figures(run: Run) -> Figures:
+    """The picture of the search, if there was one."""
+    return {"convergence": lambda: convergence_figure(run.history)} if len(run.history) > 1 else {}
+
+
+def write_pictures(folder: Path, figures: Figures) -> dict[str, Path]:
+    """Draw and write; returns the pictures by name."""
     paths = {name: folder / f"{name}.png" for name in figures}
     for name, draw in figures.items():
         save_figure(draw(), paths[name])
     return paths
+
+
+def limps(run: Run) -> bool:
+    """Whether one leg carries longer than the other, beyond the frames of the stepping model."""
+    left, right = run.metrics["contact_time_left"], run.metrics["contact_time_right"]
+    return bool(abs(left - right) > 0.01 * max(left, right))
 
 
 def summary(folder: Path, job: Job, run: Run) -> str:
@@ -88,10 +123,19 @@ def summary(folder: Path, job: Job, run: Run) -> str:
             "",
             f"{m['step_frequency']:.2f} steps/s of {m['step_length']:.2f} m, knee to {m['knee_swing_max_deg']:.0f} deg",
         ),
+        *([("limp", _limp(m))] if limps(run) else []),
         ("searched", searched if run.history else "not at all: replayed from a genes file"),
         ("files", shown(folder)),
     ]
     return "\n".join(f"{name:<9} {text}" for name, text in rows)
+
+
+def _limp(m: Mapping[str, Any]) -> str:
+    side = "left" if m["trunk_side_deg"] > 0 else "right"
+    return (
+        f"contact left {m['contact_time_left']:.3f} s, right {m['contact_time_right']:.3f} s,"
+        f" trunk {abs(m['trunk_side_deg']):.1f} deg to the {side}"
+    )
 
 
 def shown(folder: Path) -> str:

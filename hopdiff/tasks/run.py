@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from hopdiff.io.record import prepare_folder
 from hopdiff.search.loop import HistoryRow, OnStep, SearchResult
-from hopdiff.tasks.job import Job, search_run
+from hopdiff.tasks.job import Job, find, make_run
 from hopdiff.tasks.results import summary, write_run
 
 
@@ -21,13 +21,20 @@ def run(job: Job, folder: Path, command: list[str]) -> bool:
     turned up.
     """
     prepare_folder(folder)
-    with progress(job.budget.evaluations) as on_step:
-        found = search_run(job, on_step)
-    if found.interrupted:
-        print("Interrupted: this is the best run so far.", flush=True)
+    result = searched(job)
+    found = make_run(job, result.best_genes, result)
     write_run(folder, job, found, command)
     print(summary(folder, job, found), flush=True)
     return found.interrupted
+
+
+def searched(job: Job) -> SearchResult:
+    """The search of a job with a progress bar. Raises HopdiffError if no valid candidate turned up."""
+    with progress(job.budget.evaluations) as on_step:
+        result = find(job, on_step)
+    if result.interrupted:
+        print("Interrupted: this is the best run so far.", flush=True)
+    return result
 
 
 @contextmanager

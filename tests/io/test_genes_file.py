@@ -56,6 +56,16 @@ def test_rounding_at_the_edge_is_forgiven(path: Path) -> None:
     assert unit_genes(read_genes(path), TABLE)[2] == 1.0
 
 
+def test_a_fixed_gene_keeps_its_value(path: Path) -> None:
+    low, high = LOW.clone(), HIGH.clone()
+    low[1] = high[1] = -2.0
+    table = GeneTable("test", TABLE.names, TABLE.units, low, high, high, TABLE.scale)
+    assert table.to_physical(unit_genes(read_genes(path), table))[1] == -2.0
+    edit(path, b={"value": -1.5, "unit": "1"})
+    with pytest.raises(HopdiffError, match=r"gene 'b' is -1\.5, but fixed at -2 \[1\]\."):
+        unit_genes(read_genes(path), table)
+
+
 def test_bare_numbers_will_do(path: Path) -> None:
     edit(path, b=1.5)
     assert TABLE.to_physical(unit_genes(read_genes(path), TABLE))[1] == 1.5

@@ -9,8 +9,9 @@ from torch import Tensor
 from hopdiff.config import build_job, compose
 from hopdiff.costs import energy_rate_raw
 from hopdiff.metrics import loop_error, stance_foot_drift
-from hopdiff.models.smooth import Gait, SmoothModel
-from hopdiff.models.stride import Pose
+from hopdiff.models.gait import Pose, stride_motion
+from hopdiff.models.smooth import SmoothModel
+from hopdiff.models.smooth_gait import SmoothGait
 from hopdiff.models.trajectory import JOINT_CHANNELS
 from hopdiff.motion import Motion
 from hopdiff.numerics import chebyshev_nodes
@@ -25,11 +26,20 @@ def problem_at(speed: float) -> RunProblem:
     return make_problem(f"speed={speed}", "beta=0.5")
 
 
-def gait_of(problem: RunProblem, genes: Tensor) -> tuple[SmoothModel, Gait]:
-    model = problem.model
-    assert isinstance(model, SmoothModel)
-    with torch.no_grad():
-        return model, model.solve(problem.table.decode(genes.unsqueeze(0)), torch.tensor([problem.speed]).double())
+def gait_of(problem: RunProblem, genes: Tensor) -> SmoothGait:
+    gait = problem.gait(genes.unsqueeze(0))
+    assert isinstance(gait, SmoothGait)
+    return gait
+
+
+def step_time(gait: SmoothGait) -> float:
+    return float(gait.contact_times[0, 0] + gait.flight_times[0, 0])
+
+
+def poses_at(gait: SmoothGait, times: Tensor) -> Pose:
+    """The one candidate at times (T,); every field (T, ...)."""
+    pose = gait.sample(times)
+    return Pose({name: values[0] for name, values in pose.channels.items()}, *(field[0] for field in pose[1:]))
 
 
 def runs(problem: RunProblem) -> Tensor:
@@ -41,30 +51,27 @@ def runs(problem: RunProblem) -> Tensor:
 def test_every_frame_rate_shows_the_same_motion(speed: float) -> None:
     problem = problem_at(speed)
     for genes in runs(problem):
-        model, gait = gait_of(problem, genes)
+        gait = gait_of(problem, genes)
         for fps in (30.0, 60.0, 120.0):
             motion = problem.motion(genes, fps)
-            pose = model.sample(gait, motion.times)
+            pose = poses_at(gait, motion.times)
             torch.testing.assert_close(
                 motion.clip.rotations, problem.character.rotations(pose.channels), atol=1e-12, rtol=0.0
             )
-            assert motion.clip.duration == pytest.approx(2.0 * float(gait.cycle.step_time), abs=1e-12)
+            assert motion.clip.duration == pytest.approx(2.0 * step_time(gait), abs=1e-12)
             assert 1.0 / motion.clip.frame_time == pytest.approx(fps, rel=0.5 / (motion.clip.frames - 1))
 
 
 def test_frames_at_common_times_are_the_same_frames() -> None:
     problem = problem_at(5.0)
-    motions = [problem.motion(problem.ordinary_genes, 18.0 * k / (2.0 * step_time(problem))) for k in (1, 2, 4)]
+    whole = step_time(gait_of(problem, problem.ordinary_genes))
+    motions = [problem.motion(problem.ordinary_genes, 18.0 * k / (2.0 * whole)) for k in (1, 2, 4)]
     assert [m.clip.frames for m in motions] == [19, 37, 73]
     coarse = motions[0].clip
     for motion, every in ((motions[1], 2), (motions[2], 4)):
         for name in ("rotations", "root_position"):
             difference = getattr(motion.clip, name)[::every] - getattr(coarse, name)
             assert float(difference.abs().max()) < 1e-9
-
-
-def step_time(problem: RunProblem) -> float:
-    return float(gait_of(problem, problem.ordinary_genes)[1].cycle.step_time)
 
 
 @pytest.mark.parametrize("speed", SPEEDS)
@@ -89,9 +96,9 @@ def test_a_stride_loops_travels_and_stands_still_on_its_feet(speed: float) -> No
 def test_second_step_mirrors_the_first(speed: float) -> None:
     problem = problem_at(speed)
     genes = runs(problem)[1]
-    model, gait = gait_of(problem, genes)
-    times = torch.linspace(0.0, float(gait.cycle.step_time) * 0.999, 37, dtype=torch.float64)
-    first, second = model.sample(gait, times), model.sample(gait, times + gait.cycle.step_time)
+    gait = gait_of(problem, genes)
+    times = torch.linspace(0.0, step_time(gait) * 0.999, 37, dtype=torch.float64)
+    first, second = poses_at(gait, times), poses_at(gait, times + step_time(gait))
     signed = ("pelvis_roll", "pelvis_yaw", "trunk_side", "trunk_yaw", "neck_side")
     for name, values in first.channels.items():
         twin = name.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")
@@ -104,13 +111,13 @@ def test_second_step_mirrors_the_first(speed: float) -> None:
 def test_no_jump_in_angle_or_rate_where_phases_meet(speed: float) -> None:
     problem = problem_at(speed)
     for genes in runs(problem):
-        model, gait = gait_of(problem, genes)
-        contact, step = float(gait.cycle.contact_time), float(gait.cycle.step_time)
+        gait = gait_of(problem, genes)
+        contact, step = float(gait.contact_times[0, 0]), step_time(gait)
         tiny = 1e-7
 
-        def poses(times: list[float], model: SmoothModel = model, gait: Gait = gait) -> Tensor:
+        def poses(times: list[float], gait: SmoothGait = gait) -> Tensor:
             """(C + 1, T): all channels and the height of HIP."""
-            pose: Pose = model.sample(gait, torch.tensor(times, dtype=torch.float64))
+            pose: Pose = poses_at(gait, torch.tensor(times, dtype=torch.float64))
             return torch.stack([*pose.channels.values(), pose.height])
 
         for junction in (contact, step, step + contact, 2.0 * step, 0.5 * contact + step):
@@ -127,29 +134,31 @@ def test_what_is_priced_is_what_is_shown(speed: float) -> None:
     """The nodes of the costs lie on the curves of the motion."""
     problem = problem_at(speed)
     genes = runs(problem)[2]
-    model, gait = gait_of(problem, genes)
+    gait = gait_of(problem, genes)
     with torch.no_grad():
         trajectory = problem.trajectory(genes.unsqueeze(0))
-    n, cycle = model.nodes, gait.cycle
+    n, cycle = gait.sway.shape[-1], gait.steps.cycle
     x = chebyshev_nodes(n, torch.float64, torch.device("cpu"))
     # The junction nodes belong to both phases: stay inside.
     times = torch.cat((x[:-1] * cycle.contact_time, cycle.contact_time + x[1:-1] * cycle.flight_time))
     rows = torch.cat((torch.arange(n - 1), torch.arange(n + 1, 2 * n - 1)))
-    pose = model.sample(gait, times)
+    pose = poses_at(gait, times)
     shown = torch.stack([pose.channels[name] for name, _, _ in JOINT_CHANNELS], dim=-1)
     torch.testing.assert_close(trajectory.angles[0, rows], shown, atol=1e-7, rtol=0.0)
     torch.testing.assert_close(trajectory.leg_force[0, rows], pose.leg_force, atol=1e-6, rtol=1e-6)
-    assert float(trajectory.weights.sum()) == pytest.approx(float(gait.cycle.step_time), rel=1e-12)
+    assert float(trajectory.weights.sum()) == pytest.approx(step_time(gait), rel=1e-12)
 
 
 def test_accelerations_are_second_derivatives_of_the_angles() -> None:
     problem = problem_at(5.0)
-    model, gait = gait_of(problem, problem.ordinary_genes)
+    gait = gait_of(problem, problem.ordinary_genes)
     with torch.no_grad():
         trajectory = problem.trajectory(problem.ordinary_genes.unsqueeze(0))
-    node, tiny = model.nodes // 3, 1e-4
-    time = float(chebyshev_nodes(model.nodes, torch.float64, torch.device("cpu"))[node] * gait.cycle.contact_time)
-    pose = model.sample(gait, torch.tensor([time - tiny, time, time + tiny], dtype=torch.float64))
+    node, tiny = gait.sway.shape[-1] // 3, 1e-4
+    time = float(
+        chebyshev_nodes(gait.sway.shape[-1], torch.float64, torch.device("cpu"))[node] * gait.contact_times[0, 0]
+    )
+    pose = poses_at(gait, torch.tensor([time - tiny, time, time + tiny], dtype=torch.float64))
     for k, (name, _, _) in enumerate(JOINT_CHANNELS):
         a, b, c = pose.channels[name].tolist()
         central = (a - 2.0 * b + c) / tiny**2
@@ -205,7 +214,7 @@ def test_more_nodes_and_sweeps_change_little() -> None:
         decoded = problem.table.decode(genes.unsqueeze(0))
         speed = torch.tensor([5.0], dtype=torch.float64)
         coarse_motion: Motion = problem.motion(genes, 60.0)
-        fine_motion = fine.motion(decoded, speed, 60.0)
+        fine_motion = stride_motion(fine.gait(decoded, speed), 60.0)
         difference = (coarse_motion.clip.joint_positions() - fine_motion.clip.joint_positions()).norm(dim=-1)
         assert float(difference.max()) < 2e-3
 

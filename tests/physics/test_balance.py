@@ -48,13 +48,9 @@ def test_sway_closes_and_obeys_its_equation(sign: float) -> None:
 
 
 def test_the_target_runs_from_foot_to_foot() -> None:
-    contact, flight, speed = (torch.tensor([x], dtype=DTYPE) for x in (0.2, 0.1, 5.0))
     ends = torch.tensor([[0.0, 1.0]], dtype=DTYPE)
-    stance = support_path("stance", ends, contact, flight, speed)
-    air = support_path("flight", ends, contact, flight, speed)
-    # The foot is half the stance ahead of HIP at touchdown and as far behind at take-off, then the other way round.
-    torch.testing.assert_close(stance, torch.tensor([[0.5, -0.5]], dtype=DTYPE))
-    torch.testing.assert_close(air, torch.tensor([[-0.5, 0.5]], dtype=DTYPE))
+    air = support_path(ends, torch.tensor([0.5], dtype=DTYPE), torch.tensor([0.3], dtype=DTYPE))
+    torch.testing.assert_close(air, torch.tensor([[-0.5, 0.3]], dtype=DTYPE))
     width = torch.tensor([0.04], dtype=DTYPE)
     assert support_side("stance", ends, width).tolist() == [[0.04, 0.04]]
     assert support_side("flight", ends, width).tolist() == [[0.04, -0.04]]

@@ -123,6 +123,16 @@ def test_a_wild_start_does_not_flatten_the_rest() -> None:
     assert axes.get_ylim()[0] < 0.2 < 0.3 < axes.get_ylim()[1] < 10
 
 
+def test_runs_on_different_genes_are_told_apart() -> None:
+    records = [record(genes="default"), record(genes="default+common_eta", eval=0.3), record()]
+    names = ["ga, default", "ga, default+common_eta"]
+    assert {line.get_label() for line in convergence_overlay(records).axes[0].lines} == set(names)
+    axes = summary_figure(records).axes
+    assert [label.get_text() for label in axes[0].get_yticklabels()] == [f"3 m/s, beta 0.2:  {name}" for name in names]
+    (panel,) = (panel for panel in axes if "eval" in panel.get_xlabel())
+    assert [float(x) for line in panel.lines if line.get_marker() == "o" for x in line.get_xdata()] == [0.3]
+
+
 def test_costs_of_different_problems_are_not_pooled() -> None:
     records = [record(cost=1.0), record(seed=2, cost=3.0), record(beta=0.7, cost=100.0)]
     axes = summary_figure(records).axes[0]
@@ -132,7 +142,8 @@ def test_costs_of_different_problems_are_not_pooled() -> None:
 
 
 def test_energy_error_in_percent_and_none_without_a_target() -> None:
-    axes = summary_figure([record(), record(beta=0.0, energy_target=0.0)]).axes[1]
+    panels = summary_figure([record(), record(beta=0.0, energy_target=0.0)]).axes
+    (axes,) = (axes for axes in panels if axes.get_xlabel() == "energy error [%]")
     dots = [float(x) for line in axes.lines if line.get_marker() == "o" for x in line.get_xdata()]
     assert dots == pytest.approx([2.0])
 

@@ -37,6 +37,15 @@ def test_typed_settings_win(finished: Path, tmp_path: Path, monkeypatch: pytest.
     assert metrics["speed"] == pytest.approx(4.0)
 
 
+def test_fixed_genes_come_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("search=ordinary", "genes.fixed.step_width=0.2", "genes.common_eta=true", "genes.fixed.eta=7")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words, "pictures=false", f"hydra.run.dir={tmp_path / 'first'}"])
+    assert main() == 0
+    assert replay(tmp_path / "again", tmp_path / "first" / "genes.json", monkeypatch, "pictures=false") == 0
+    assert (tmp_path / "again" / "motion.bvh").read_bytes() == (tmp_path / "first" / "motion.bvh").read_bytes()
+    assert json.loads((tmp_path / "again" / "metrics.json").read_text())["genes"].endswith("+eta=7+step_width=0.2")
+
+
 def test_genes_that_cannot_run_leave_no_folder(
     finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -121,9 +121,48 @@ def test_settings_are_whole(finished: Path) -> None:
     assert read(finished, "versions.json")["hopdiff"] == hopdiff.__version__
 
 
+def test_pictures_can_be_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("search=random", "budget.evaluations=50", "pictures=false", f"hydra.run.dir={tmp_path / 'run'}")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words])
+    assert main() == 0
+    names = {path.name for path in (tmp_path / "run").iterdir()}
+    assert {name for name in names if "tfevents" not in name} == {
+        name for name in FILES if not name.endswith(("png", "gif"))
+    }
+    events = EventAccumulator(str(tmp_path / "run"))
+    events.Reload()
+    assert not events.Tags()["images"]
+
+
+def test_a_run_without_a_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("search=ordinary", "genes.fixed.step_width=0.1", "pictures=false", "speed=4", "beta=0.2")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words, f"hydra.run.dir={tmp_path}"])
+    assert main() == 0
+    metrics = read(tmp_path, "metrics.json")
+    assert (metrics["evaluations"], metrics["search"], metrics["genes"]) == (1, "ordinary", "default+step_width=0.1")
+    assert metrics["energy_rate"] == pytest.approx(0.25, rel=0.2)
+    assert read(tmp_path, "genes.json")["genes"]["step_width"] == {"value": 0.1, "unit": "leg"}
+
+
+def test_a_run_without_a_search_that_is_impossible_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("search=ordinary", "genes.fixed.touchdown_angle=70", f"hydra.run.dir={tmp_path}")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words])
+    assert main() == 1
+    said = capsys.readouterr().err
+    assert said == "hopdiff: The one candidate tried is not a possible run: A foot passes below the ground.\n"
+
+
 def test_the_gif_moves(finished: Path) -> None:
     with Image.open(finished / "motion.gif") as image:
         assert image.n_frames > 10
+
+
+def test_python_fixes_genes_as_the_command_line_does() -> None:
+    run = hopdiff.generate(4, 0.2, search="ordinary", settings=("genes.fixed.step_width=0.1", "genes.common_eta=true"))
+    assert run.genes["step_width"] == 0.1
+    assert run.metrics["genes"] == "default+common_eta+step_width=0.1"
 
 
 def test_python_gives_the_same_run(finished: Path) -> None:
