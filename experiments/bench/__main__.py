@@ -1,4 +1,4 @@
-"""How fast is one evaluation, and what does a gradient cost? python -m experiments.bench"""
+"""How fast are an evaluation, its gradient and the frames of a run? python -m experiments.bench"""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from pathlib import Path
 import torch
 
 from experiments.bench.measure import measure
+from experiments.bench.playback import play
 from experiments.report import integers, markdown
 from hopdiff.config import build_job, compose
 from hopdiff.io.files import write_whole
 from hopdiff.tasks.job import search_run
 
 HERE = Path(__file__).parent
+FPS = 60.0  # of a played run
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -26,14 +28,45 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--sizes", type=integers, default=[1, 64, 4096], help="candidates a batch")
     parser.add_argument("--rounds", type=int, default=15, help="timings of each kind, interleaved; the median counts")
     parser.add_argument("--evaluations", type=int, default=10_000, help="budget of the timed searches")
+    parser.add_argument("--crowds", type=integers, default=[1, 256], help="runs played at once")
+    parser.add_argument("--seconds", type=float, default=10.0, help="of every played run, at 60 frames/s")
     parser.add_argument("--out", type=Path, default=HERE, help="folder for results.md")
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)
+    text = "\n".join(
+        (
+            f"{processor()}, 1 thread, torch {torch.__version__}, Python {platform.python_version()}; 5 m/s, random"
+            f" candidates, medians of {options.rounds} rounds.",
+            "",
+            "## An evaluation and its gradient",
+            "",
+            "`model=smooth`. Memory: what the process grew by.",
+            "",
+            evaluations(options.sizes, options.rounds),
+            "",
+            f"## Searches with a budget of {options.evaluations}",
+            "",
+            searches(options.evaluations),
+            "",
+            "## Playing found genes",
+            "",
+            f"{options.seconds:g} s of motion at {FPS:g} frames/s. A frame is the place of the root and the rotations"
+            " of all joints; multiples of real time count the motion of all runs played at once.",
+            "",
+            playback(options.crowds, options.rounds, options.seconds),
+            "",
+        )
+    )
+    write_whole(options.out / "results.md", text)
+    print(text)
+
+
+def evaluations(sizes: Sequence[int], rounds: int) -> str:
     rows = []
-    for dtype, size in product(("float32", "float64"), options.sizes):
+    for dtype, size in product(("float32", "float64"), sizes):
         # A process of its own for each: the peak of its memory is then its own.
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-            value, gradient, memory = pool.submit(measure, dtype, size, options.rounds).result()
+            value, gradient, memory = pool.submit(measure, dtype, size, rounds).result()
         rows.append(
             (
                 dtype,
@@ -50,28 +83,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
         *("dtype", "candidates", "value ms", "value candidates/s", "with gradient ms", "with gradient candidates/s"),
         *("ratio", "peak memory MB"),
     ]
-    searches = []
+    return markdown(heading, rows)
+
+
+def searches(budget: int) -> str:
+    rows = []
     for search in ("ga", "gradient"):
-        job = build_job(compose([f"search={search}", f"budget.evaluations={options.evaluations}"]))
-        run = search_run(job)
-        metrics = run.metrics
+        metrics = search_run(build_job(compose([f"search={search}", f"budget.evaluations={budget}"]))).metrics
         counted = f"{metrics['evaluations']} + {metrics['gradient_evaluations']} gradients"
-        searches.append((search, counted, f"{metrics['wall_seconds']:.1f}", f"{metrics['cost']:.4f}"))
-    text = "\n".join(
-        (
-            f"{processor()}, 1 thread, torch {torch.__version__}, Python {platform.python_version()}; `model=smooth`,"
-            f" 5 m/s, random candidates, medians of {options.rounds} rounds. Memory: what the process grew by.",
-            "",
-            markdown(heading, rows),
-            "",
-            f"Searches with a budget of {options.evaluations}:",
-            "",
-            markdown(("search", "evaluations", "seconds", "cost"), searches),
-            "",
-        )
-    )
-    write_whole(options.out / "results.md", text)
-    print(text)
+        rows.append((search, counted, f"{metrics['wall_seconds']:.1f}", f"{metrics['cost']:.4f}"))
+    return markdown(("search", "evaluations", "seconds", "cost"), rows)
+
+
+def playback(crowds: Sequence[int], rounds: int, seconds: float) -> str:
+    rows = []
+    for model, size in product(("smooth", "thesis"), crowds):
+        taken = play(model, size, rounds, seconds, FPS)
+        motion = size * seconds
+        multiples = (motion / taken.one_by_one, motion / taken.frames, motion / (taken.solving + taken.frames))
+        rows.append((model, str(size), f"{1e3 * taken.solving:.0f}", *(f"{multiple:,.0f}" for multiple in multiples)))
+    heading = ("model", "runs", "solving ms", "frame by frame x", "all frames at once x", "solving and all frames x")
+    return markdown(heading, rows)
 
 
 def processor() -> str:

@@ -12,8 +12,6 @@ from PIL import Image
 from experiments.kang1999.entries import Entry, Shot
 from experiments.report import markdown, read_table
 
-COLOURS = 96  # of a picture's palette: drawings, so this is plenty
-
 HEAD = """# Kang (1999), figure by figure
 
 Every figure and use of Young-Min Kang's thesis, made again with hopdiff: what it took, what the thesis shows, what
@@ -106,4 +104,6 @@ def shrink(sources: Sequence[Path], target: Path, width: int) -> None:
     for picture in pictures:
         sheet.paste(picture, (0, top))
         top += picture.height
-    sheet.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
+    # The octree keeps thin lines of different colours apart, which the other palettes merge.
+    palette = sheet.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    palette.save(target, optimize=True)

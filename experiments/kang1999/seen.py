@@ -26,9 +26,9 @@ def edits(numbers: Numbers) -> str:
     )
     own, child = numbers["fig_2_2_human"], numbers["fig_2_2_child"]
     return (
-        f"Every body gets a run of its own at {own['speed']:g} m/s: {found}. The genes of one run also replay on"
-        f" another body: steps of {own['step_length']:.2f} m on the adult become {child['step_length']:.2f} m on the"
-        " child."
+        f"Every body gets a run of its own at {float(rows[0]['speed']):g} m/s: {found}. The genes of one run also"
+        f" replay on another body: at {own['speed']:g} m/s steps of {own['step_length']:.2f} m on the adult become"
+        f" {child['step_length']:.2f} m on the child."
     )
 
 
@@ -130,10 +130,14 @@ def convergence(numbers: Numbers) -> str:
 
 
 def gains(numbers: Numbers) -> str:
-    rows = numbers["eta"]["rows"]
     parts = []
-    for text, common in (("seven gains", False), ("one common gain", True)):
-        own = [row for row in rows if ("common_eta" in row["genes"]) == common]
-        evals, costs = ([float(row[key]) for row in own] for key in ("eval", "cost"))
-        parts.append(f"{text}: eval {median(evals):.4f}, whole cost {median(costs):.4f} (medians of {len(own)} seeds)")
+    for name in ("eta", "eta_smooth"):
+        rows = numbers[name]["rows"]
+        for text, common in (("seven gains", False), ("one common gain", True)):
+            own = [row for row in rows if ("common_eta" in row["genes"]) == common]
+            evals, costs = ([float(row[key]) for row in own] for key in ("eval", "cost"))
+            parts.append(
+                f"`{rows[0]['model']}`, {text}: eval {median(evals):.4f}, whole cost {median(costs):.4f} (medians of"
+                f" {len(own)} seeds)"
+            )
     return "; ".join(parts) + "."

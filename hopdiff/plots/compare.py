@@ -176,7 +176,7 @@ def summary_figure(records: Sequence[RunRecord]) -> Figure:
         axes.set_xlabel(label)
         axes.xaxis.set_major_locator(MaxNLocator(4))
         style.tidy(axes)
-    panels[0].set_yticks(places, [f"{problem_name(problem)}:  {label}" for problem, label in keys])
+    panels[0].set_yticks(places, [f"{problem_name(problem)}: {label}" for problem, label in keys])
     panels[0].set_ylim(places[-1] + 0.7, -0.7)
     panels[_RESULTS.index(_ENERGY)].axvline(0.0, color=style.GROUND, linewidth=1.0, zorder=1)
     return figure

@@ -39,7 +39,7 @@ def front_figure(motion: Motion, title: str = "") -> Figure:
     """The first stride of a motion from behind, left on the left: four poses of each step in true proportions.
 
     From behind, since nothing hides the trunk there and left stays left. The dashed line stands over the middle
-    between the tracks of both feet; the white line is the trunk, pelvis to neck; the number is its lean in degrees.
+    between the tracks of both feet; the white line is the trunk, waist to neck; the number is its lean in degrees.
     """
     body = Body(motion.clip.skeleton)
     stride = steps(motion)[:2]
@@ -66,7 +66,7 @@ def front_figure(motion: Motion, title: str = "") -> Figure:
         centre = _GAP / 2 + pitch * (order + 0.5)
         draw_seen(axes, body, view.points, camera, np.array([centre, 0.0]))
         axes.plot((centre, centre), (0, top - 0.55 * _ABOVE), "--", color=_MARK, linewidth=1.3, zorder=5)
-        trunk = flat[[names.index(name) for name in ("pelvis", "waist", "neck")]]
+        trunk = flat[[names.index(name) for name in ("waist", "neck")]]
         axes.plot(centre + trunk[:, 0], trunk[:, 1], color=_TRUNK, linewidth=1.8, zorder=6, solid_capstyle="round")
         axes.text(centre, top - 0.3 * _ABOVE, _lean(trunk[-1] - trunk[0]), ha="center", fontsize=9, color=_MARK)
         _label(axes, centre, view, stride[view.step][0].side)

@@ -125,6 +125,10 @@ def run_path(job: Job, route: Route, folder: Path, command: list[str]) -> bool:
     Raises HopdiffError if no valid candidate turned up, whole strides do not fit, or a turn is out of a leg's reach;
     nothing is written then.
     """
+    if "duty_factor" in job.settings["genes"]["fixed"]:
+        raise HopdiffError(
+            "genes.fixed.duty_factor cannot be set with task=path: whole strides fill path.time by the duty factor."
+        )
     prepare_folder(folder)
     result = searched(job)
     genes, strides = whole_strides(job.problem, result.best_genes, route.time)
@@ -220,7 +224,11 @@ def path_summary(folder: Path, run: Run) -> str:
         ("asked", f"{m['path_length']:.2f} m in {m['path_time']:g} s, so {m['speed']:.2f} m/s, beta {m['beta']:g}"),
         ("reached", f"{m['strides']} strides, each {100 * m['stride_adjustment']:+.1f} % in time to fit"),
         ("", f"lean up to {m['max_lean_deg']:.1f} deg, planted feet move {1000 * m['foot_slide_max']:.2f} mm at most"),
-        ("", f"contact {m['contact_time']:.3f} s, flight {m['flight_time']:.3f} s, energy {m['energy_rate']:.3f}"),
+        (
+            "",
+            f"contact {m['contact_time']:.3f} s, flight {m['flight_time']:.3f} s, energy {m['energy_rate']:.3f} of"
+            f" {m['energy_target']:.3f}",
+        ),
         ("searched", f"{m['search']}, {m['evaluations']} evaluations, {m['wall_seconds']:.1f} s"),
         ("files", shown(folder)),
     ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import torch
 from pytest_benchmark.fixture import BenchmarkFixture
@@ -9,6 +11,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from hopdiff.config import build_job, compose
 from hopdiff.tasks.job import search_run
 
+ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.slow
 
 
@@ -28,3 +31,21 @@ def test_search(benchmark: BenchmarkFixture, search: str) -> None:
     job = build_job(compose([f"search={search}"]))
     run = benchmark.pedantic(search_run, (job,), rounds=1)
     assert run.metrics["cost"] < 10.0
+
+
+@pytest.mark.parametrize("times", ["all at once", "one by one"])
+@pytest.mark.parametrize("size", [1, 256])
+@pytest.mark.parametrize("model", ["smooth", "thesis"])
+def test_playback(
+    benchmark: BenchmarkFixture, monkeypatch: pytest.MonkeyPatch, model: str, size: int, times: str
+) -> None:
+    """Two seconds at 60 frames/s; solving is not counted."""
+    monkeypatch.syspath_prepend(str(ROOT))
+    from experiments.bench.playback import frames, possible
+
+    problem = build_job(compose([f"model={model}"])).problem
+    gait = problem.gait(possible(problem, size))
+    moments = torch.arange(120, dtype=problem.dtype) / 60.0
+    batches = moments.split(120 if times == "all at once" else 1)
+    made = benchmark.pedantic(lambda: [frames(gait, batch) for batch in batches], rounds=5, warmup_rounds=1)
+    assert all(bool(torch.isfinite(part).all()) for frame in made for part in frame)

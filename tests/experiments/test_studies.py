@@ -85,7 +85,13 @@ def test_expected_running_time_counts_the_failures() -> None:
 def test_bench_prints_its_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from experiments.bench.__main__ import main
 
-    main(["--sizes", "2", "--rounds", "1", "--evaluations", "200", "--out", str(tmp_path)])
+    small = "--sizes 2 --rounds 1 --evaluations 200 --crowds 3 --seconds 0.5"
+    main([*small.split(), "--out", str(tmp_path)])
     text = (tmp_path / "results.md").read_text()
     assert text.count("| float32 | 2 |") == text.count("| float64 | 2 |") == 1
     assert "| gradient |" in text
+    for model in ("smooth", "thesis"):
+        line = next(line for line in text.splitlines() if line.startswith(f"| {model} | 3 |"))
+        numbers = [float(cell.replace(",", "")) for cell in line.strip("| ").split("|")[2:]]
+        assert len(numbers) == 4
+        assert all(math.isfinite(number) for number in numbers)

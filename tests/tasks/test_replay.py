@@ -1,13 +1,17 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from pathlib import Path
 
 import pytest
 
 from hopdiff.cli import main
+from tests.builders import make_character, make_problem
 
 ABOUT_THE_SEARCH = {"evaluations", "gradient_evaluations", "invalid_fraction", "wall_seconds", "search"}
+MOTIONS = ("motion.bvh", "motion_in_place.bvh")
 
 
 def replay(folder: Path, source: Path, monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
@@ -16,9 +20,13 @@ def replay(folder: Path, source: Path, monkeypatch: pytest.MonkeyPatch, *argumen
     return main()
 
 
+def metrics_of(folder: Path) -> dict:
+    return json.loads((folder / "metrics.json").read_text())
+
+
 def test_the_same_motion_comes_back(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert replay(tmp_path / "again", finished / "genes.json", monkeypatch) == 0
-    for name in ("motion.bvh", "motion_in_place.bvh"):
+    for name in MOTIONS:
         assert (tmp_path / "again" / name).read_bytes() == (finished / name).read_bytes()
     before, after = (json.loads((folder / "metrics.json").read_text()) for folder in (finished, tmp_path / "again"))
     for name in set(before) - ABOUT_THE_SEARCH:
@@ -52,3 +60,106 @@ def test_genes_that_cannot_run_leave_no_folder(
     assert replay(tmp_path / "no", finished / "genes.json", monkeypatch, "costs.limits.leg_force_bw=0.5") == 1
     assert "is not a possible run with these settings: The stance leg would have to push" in capsys.readouterr().err
     assert not (tmp_path / "no").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [(("character=child",), "child"), (("character.proportions.legs=1.2",), "human+legs=1.2")],
+    ids=["child", "longer legs"],
+)
+def test_another_body_runs_with_steps_of_its_own_legs(
+    arguments: tuple[str, ...], name: str, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert replay(tmp_path / "other", finished / "genes.json", monkeypatch, "pictures=false", *arguments) == 0
+    before, after = metrics_of(finished), metrics_of(tmp_path / "other")
+    assert (after["character"], after["speed"], after["beta"]) == (name, before["speed"], before["beta"])
+    legs = after["leg_length"] / before["leg_length"]
+    assert legs == pytest.approx(1.2 if "legs" in name else make_character("child").leg_length / before["leg_length"])
+    # Genes are angles, ratios and leg lengths: all ways on the ground go with the legs.
+    assert after["step_length"] == pytest.approx(legs * before["step_length"], rel=1e-9)
+    assert after["contact_time"] == pytest.approx(legs * before["contact_time"], rel=1e-9)
+    assert after["duty_factor"] == pytest.approx(before["duty_factor"], rel=1e-9)
+    assert after["stance_foot_drift"] < 1e-6
+    assert after["loop_error"] < 1e-6
+    genes = [json.loads((folder / "genes.json").read_text())["genes"] for folder in (finished, tmp_path / "other")]
+    for gene, entry in genes[0].items():
+        assert genes[1][gene]["value"] == pytest.approx(entry["value"], abs=1e-9), gene
+
+
+def test_mass_alone_leaves_the_motion_as_it_is(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The spring leg is as much stiffer as the body is heavier, and balance knows only shares of the mass."""
+    assert replay(tmp_path / "heavy", finished / "genes.json", monkeypatch, "pictures=false", "character.mass=90") == 0
+    for name in MOTIONS:
+        assert (tmp_path / "heavy" / name).read_bytes() == (finished / name).read_bytes()
+    assert json.loads((tmp_path / "heavy" / "genes.json").read_text())["settings"]["character"]["mass"] == 90.0
+
+
+@pytest.mark.parametrize("words", [("speed=2",), ("speed=9",), ("character.proportions.legs=1.5",)], ids=" ".join)
+def test_genes_outside_the_range_of_a_search_are_told(
+    words: tuple[str, ...],
+    finished: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert replay(tmp_path / "far", finished / "genes.json", monkeypatch, "pictures=false", *words) == 0
+    # Speed 4 is what the genes were found at.
+    table = make_problem("speed=4", *words).table
+    genes = json.loads((finished / "genes.json").read_text())["genes"]
+    ranges = zip(table.names, table.low.tolist(), table.high.tolist(), strict=True)
+    outside = [name for name, low, high in ranges if not low <= genes[name]["value"] <= high]
+    assert outside
+    said = f"Outside the range of a search on this body at this speed: {', '.join(outside)}.\n"
+    assert capsys.readouterr().out.startswith(said)
+
+
+def test_nothing_is_told_of_genes_inside_their_ranges(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("pictures=false", "character.proportions.legs=1.1")
+    assert replay(tmp_path / "near", finished / "genes.json", monkeypatch, *words) == 0
+    assert "Outside" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("character=child", "speed=1"), ("character.proportions.legs=1.2", "speed=1"), ("character.height=5", "speed=1")],
+    ids=" ".join,
+)
+def test_where_the_genes_cannot_run_the_speed_of_the_same_froude_number_is_told_and_works(
+    words: tuple[str, ...],
+    finished: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    body = [word for word in words if not word.startswith("speed=")]
+    assert replay(tmp_path / "no", finished / "genes.json", monkeypatch, "pictures=false", *words) == 1
+    out, err = capsys.readouterr()
+    assert (out, len(err.splitlines())) == ("", 1)
+    assert err.startswith(f"hopdiff: genes_file '{finished / 'genes.json'}' is not a possible run with these settings:")
+    hint = re.search(r"At (speed=[0-9.]+) the character (\w+) would have the Froude number of the original\.\n$", err)
+    assert hint is not None
+    assert not (tmp_path / "no").exists()
+    assert replay(tmp_path / "yes", finished / "genes.json", monkeypatch, "pictures=false", *body, hint[1]) == 0
+    before, after = metrics_of(finished), metrics_of(tmp_path / "yes")
+    assert after["froude"] == pytest.approx(before["froude"], abs=0.005)
+    assert after["speed"] == pytest.approx(4.0 * math.sqrt(after["leg_length"] / before["leg_length"]), abs=0.005)
+    assert after["character"].split("+")[0] == hint[2]
+
+
+def test_a_file_of_an_older_version_still_makes_its_motion(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = json.loads((finished / "genes.json").read_text())
+    settings = content["settings"]
+    for name in ("limp", "path", "hopper", "pictures"):
+        settings.pop(name, None)
+    del settings["character"]["proportions"], settings["genes"]["common_eta"], settings["genes"]["fixed"]
+    for name in [name for name in settings["genes"]["genes"] if name.startswith("lame_") or name == "eta"]:
+        del settings["genes"]["genes"][name]
+    (tmp_path / "old.json").write_text(json.dumps(content))
+    assert replay(tmp_path / "again", tmp_path / "old.json", monkeypatch, "pictures=false") == 0
+    for name in MOTIONS:
+        assert (tmp_path / "again" / name).read_bytes() == (finished / name).read_bytes()
+    assert metrics_of(tmp_path / "again")["character"] == "human"

@@ -186,8 +186,13 @@ def test_ctrl_c_keeps_the_best_so_far(
     monkeypatch.setattr("hopdiff.tasks.run.progress", impatient)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", ["hopdiff", "search=random", "hydra.run.dir=run"])
-    with pytest.raises(SystemExit) as done:
-        main()
+    # A shell's background jobs ignore the signal, and so would this process if it is one.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(SystemExit) as done:
+            main()
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert done.value.code == 130
     assert "Interrupted" in capsys.readouterr().out
     assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES
