@@ -32,6 +32,7 @@ REQUIRED_PARENTS = {
     "right_knee": "right_hip",
 }
 
+TALLEST, HEAVIEST = 100.0, 1e6  # m, kg
 LIMITED = ("hip", "knee", "shoulder", "elbow", "waist", "neck")
 
 
@@ -114,6 +115,8 @@ class Character:
             raise HopdiffError(f"{where}: height must be a positive number of metres, not {settings.height}.")
         if not _positive(settings.mass):
             raise HopdiffError(f"{where}: mass must be a positive number of kilograms, not {settings.mass}.")
+        if settings.height > TALLEST or settings.mass > HEAVIEST:
+            raise HopdiffError(f"{where}: height and mass must not be above {TALLEST:g} m and {HEAVIEST:g} kg.")
         joints = dict(settings.joints)
         order = _tree_order(joints, where)
         for name, parent in REQUIRED_PARENTS.items():
@@ -287,7 +290,8 @@ def _limits(degrees: Any, where: str) -> dict[str, tuple[float, float]]:
     for kind in LIMITED:
         if kind not in degrees:
             raise HopdiffError(f"{where}: joint_limits_deg lacks {kind!r}.")
-        low, high = (float(x) for x in degrees[kind])
+        ends = [float(x) for x in degrees[kind]]
+        low, high = ends if len(ends) == 2 else (math.nan, math.nan)
         if not low < high:
             raise HopdiffError(f"{where}: joint_limits_deg.{kind} must be [low, high] with low < high.")
         limits[kind] = (math.radians(low), math.radians(high))

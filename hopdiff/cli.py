@@ -11,7 +11,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from hopdiff.config import HYDRA_BASE, config_folder, known_settings, register_schema, with_new_names
+from hopdiff.config import HYDRA_BASE, as_typed, config_folder, known_settings, register_schema, with_new_names
 from hopdiff.errors import sentence
 from hopdiff.perform import perform
 from hopdiff.types import HopdiffError
@@ -64,7 +64,7 @@ def job(config: DictConfig) -> None:
         if (said := sentence(error, known_settings)) is None:
             raise
         named = HopdiffError(f"job {info.job.num} ({' '.join(info.overrides.task)}): {said}")
-        print(f"hopdiff: {named}", file=sys.stderr, flush=True)
+        print(f"hopdiff: {as_typed(str(named))}", file=sys.stderr, flush=True)
         raise named from error
     if interrupted:
         sys.exit(INTERRUPTED)
@@ -75,7 +75,7 @@ def _report(error: BaseException | None, trace: bool) -> int:
     said = sentence(error, known_settings)
     if trace or said is None:
         raise error from error.__cause__
-    print(f"hopdiff: {said}", file=sys.stderr)
+    print(f"hopdiff: {as_typed(said)}", file=sys.stderr)
     return 1
 
 

@@ -2,6 +2,7 @@
 """The settings: their schema, where their files lie, and how they become objects."""
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cache
@@ -90,7 +91,12 @@ def with_new_names(words: Sequence[str]) -> list[str]:
     A sweep is first composed with the default search, which need not have the setting of another; `build_search`
     checks it. No gene is fixed until the user names one; `GeneTable.build` checks that.
     """
-    return [f"++{word}" if word.startswith(("search.", "genes.fixed.")) else word for word in words]
+    return [f"++{word}" if word.startswith(("search.", "genes.fixed.", "genes.fixed=")) else word for word in words]
+
+
+def as_typed(text: str) -> str:
+    """A message without the marks of `with_new_names`."""
+    return re.sub(r"\+\+(?=search\.|genes\.fixed)", "", text)
 
 
 @cache
@@ -167,9 +173,8 @@ def with_saved(config: DictConfig, saved: Mapping[str, Any], typed: Sequence[str
         plain |= {name: saved[name] for name in SAVED if name in saved and name not in typed}
         result: DictConfig = OmegaConf.merge(OmegaConf.structured(Config), plain)  # type: ignore[assignment]
     except OmegaConfBaseException as error:
-        raise HopdiffError(
-            f"The genes file has settings that do not fit: {error.full_key}: {one_line(error)}."
-        ) from error
+        name = f"{error.full_key}: " if error.full_key else ""
+        raise HopdiffError(f"The genes file has settings that do not fit: {name}{one_line(error)}.") from error
     for name in typed:
         if name.split(".")[0] in SAVED and "." in name:
             OmegaConf.update(result, name, OmegaConf.select(config, name))

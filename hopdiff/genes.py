@@ -132,7 +132,8 @@ class GeneTable:
         """
         froude = speed / math.sqrt(GRAVITY * leg_length)
         where = f"gene table {settings.name!r}"
-        for name in (*KNOWN_GENES, *([ETA] if settings.common_eta else [])):
+        lame = [name for name in _OPTIONAL if name.startswith(LAME)] if limping else []
+        for name in (*KNOWN_GENES, *([ETA] if settings.common_eta else []), *lame):
             if name not in settings.genes:
                 raise HopdiffError(f"{where}: the gene {name!r} is missing.")
         rows = {name: _row(name, entry, froude, where) for name, entry in settings.genes.items()}
@@ -198,6 +199,8 @@ class _Row(NamedTuple):
 def _row(name: str, entry: Any, froude: float, where: str) -> _Row:
     if name not in KNOWN_GENES and name not in _OPTIONAL:
         raise HopdiffError(f"{where}: unknown gene {name!r}; known are {', '.join((*KNOWN_GENES, *_OPTIONAL))}.")
+    if not isinstance(entry, Mapping):
+        raise HopdiffError(f"{where}: gene {name!r} must be a table of unit, low, high and ordinary, not {entry!r}.")
     stray = [key for key in entry if key not in ("unit", "low", "high", "ordinary")]
     if stray:
         raise HopdiffError(f"{where}: gene {name!r} has an unknown entry {stray[0]!r}.")

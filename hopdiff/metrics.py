@@ -20,7 +20,8 @@ def run_metrics(problem: RunProblem, genes: Tensor) -> dict[str, float]:
     """What one candidate (G,) of the unit box measures, in SI units unless a name ends in _deg or _bw.
 
     Of a limp, times of a step are means of both; contact_time_left and contact_time_right tell the legs apart.
-    trunk_side_deg: mean lean of the trunk, to the left positive.
+    trunk_side_deg: mean lean of the trunk, to the left positive. knee_touchdown_deg: of the left leg; the other knee
+    angles are the larger of both legs.
     """
     evaluation = problem.evaluate(genes.unsqueeze(0), with_grad=False)
     with torch.no_grad():
@@ -65,16 +66,15 @@ def run_metrics(problem: RunProblem, genes: Tensor) -> dict[str, float]:
 
 def motion_metrics(motion: Motion) -> dict[str, float]:
     """What can be read off the finished frames alone."""
-    stance = motion.contact[:, 0]
-    knee = motion.angles["left_knee"]
+    knees = torch.stack((motion.angles["left_knee"], motion.angles["right_knee"]), dim=-1)
     height = motion.com[:-1, 1]
     return {
         "com_oscillation": float(height.max() - height.min()),
         "com_side_range": float(motion.com[:, 0].max() - motion.com[:, 0].min()),
         "peak_leg_force_bw": float(motion.leg_force.max()),
-        "knee_touchdown_deg": math.degrees(float(knee[0])),
-        "knee_stance_max_deg": math.degrees(float(knee[stance].max())),
-        "knee_swing_max_deg": math.degrees(float(knee[~stance].max())),
+        "knee_touchdown_deg": math.degrees(float(knees[0, 0])),
+        "knee_stance_max_deg": math.degrees(float(knees[motion.contact].max())),
+        "knee_swing_max_deg": math.degrees(float(knees[~motion.contact].max())),
         "trunk_lean_deg": math.degrees(float(motion.angles["trunk"][:-1].mean())),
         "trunk_lean_range_deg": _range_deg(motion.angles["trunk"]),
         "trunk_side_deg": -math.degrees(float(motion.angles["trunk_side"][:-1].mean())),

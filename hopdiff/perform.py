@@ -8,8 +8,9 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
+from hopdiff.character import Character
 from hopdiff.config import build_character, build_job, build_route, checked, plain_settings, with_saved
-from hopdiff.io.genes_file import read_genes
+from hopdiff.io.genes_file import GenesFile, read_genes
 from hopdiff.messages import choose
 from hopdiff.tasks.body import body
 from hopdiff.tasks.compare import compare
@@ -37,9 +38,13 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
         case "replay":
             if config.genes_file is None:
                 raise HopdiffError("task=replay needs genes_file=FILE, the genes.json of a run.")
+            if "experiment" in (typed := typed_names(command)):
+                raise HopdiffError(
+                    "+experiment has no effect with task=replay: type single settings, as limp.amount=0.3."
+                )
             genes = read_genes(Path(config.genes_file))
-            job = build_job(with_saved(config, genes.settings, typed_names(command)))
-            original = build_character(with_saved(config, genes.settings, ()))
+            job = build_job(with_saved(config, genes.settings, typed))
+            original = original_body(config, genes)
             with threads(job.threads):
                 replay(job, genes, original, folder, list(command))
             return False
@@ -66,6 +71,15 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
             job = build_job(config)
             with threads(job.threads):
                 return run(job, folder, list(command))
+
+
+def original_body(config: DictConfig, genes: GenesFile) -> Character:
+    """The body that genes were found for. Raises HopdiffError, naming the file."""
+    saved = {name: value for name, value in genes.settings.items() if name == "character"}
+    try:
+        return build_character(with_saved(config, saved, ()))
+    except HopdiffError as error:
+        raise HopdiffError(f"genes_file {str(genes.path)!r}, of its saved settings: {error}") from error
 
 
 def typed_names(overrides: Sequence[str]) -> list[str]:

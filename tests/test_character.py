@@ -55,6 +55,9 @@ def put(plain: dict[str, Any], path: str, value: Any) -> None:
         ("joints.left_knee.end", [0.0, 0.0, 0.0], "shank"),
         ("joints.left_hip.offset", [-0.05, 0.0, 0.0], "must point to the left"),
         ("joint_limits_deg.knee", [150.0, 0.0], "joint_limits_deg.knee must be"),
+        ("joint_limits_deg.knee", [150.0], "joint_limits_deg.knee must be"),
+        ("height", 1e300, "height and mass must not be above 100 m and 1e+06 kg"),
+        ("mass", 1e300, "height and mass must not be above"),
     ],
 )
 def test_one_sentence_names_what_is_wrong(plain: dict[str, Any], path: str, value: Any, said: str) -> None:

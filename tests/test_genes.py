@@ -119,6 +119,12 @@ def test_a_fixed_gene_has_one_value_even_outside_its_range(plain: dict[str, Any]
         assert float(table.decode(unit)["step_width"]) == pytest.approx(0.3 * LEG, rel=1e-12)
 
 
+def test_an_entry_that_is_no_table_is_named(plain: dict[str, Any]) -> None:
+    plain["genes"]["arm_swing"] = 5
+    with pytest.raises(HopdiffError, match="gene 'arm_swing' must be a table of unit, low, high and ordinary, not 5"):
+        build(plain)
+
+
 @pytest.mark.parametrize(
     ("fixed", "common", "said"),
     [

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hopdiff.genes import GeneTable, sense
+from hopdiff.genes import LAME, GeneTable, sense
 from hopdiff.io.files import read_text, write_whole
 from hopdiff.messages import near
 from hopdiff.types import HopdiffError
@@ -75,10 +75,11 @@ def unit_genes(file: GenesFile, table: GeneTable, strange: bool = False) -> Tens
     where = f"genes_file {str(file.path)!r}"
     for name in table.names:
         if name not in file.genes:
-            raise HopdiffError(f"{where} lacks the gene {name!r}.")
+            raise HopdiffError(f"{where} lacks the gene {name!r}.{_of_a_limp(name, 'no limp: set limp.amount=0')}")
     for name in file.genes:
         if name not in table.names:
-            raise HopdiffError(f"{where} has an unknown gene {name!r}.{near(name, table.names)}")
+            hint = _of_a_limp(name, "a limp: set limp.amount above 0") or near(name, table.names)
+            raise HopdiffError(f"{where} has an unknown gene {name!r}.{hint}")
     for name, unit in zip(table.names, table.units, strict=True):
         if file.genes[name][1] not in ("", unit):
             raise HopdiffError(f"{where}: gene {name!r} must be in the unit {unit!r}, not {file.genes[name][1]!r}.")
@@ -98,6 +99,11 @@ def unit_genes(file: GenesFile, table: GeneTable, strange: bool = False) -> Tens
             )
     found = table.to_unit(values.to(table.low))
     return found if strange else found.clamp(0.0, 1.0)
+
+
+def _of_a_limp(name: str, said: str) -> str:
+    """A hint if the gene is one of the lame leg."""
+    return f" The run has {said}." if name.startswith(LAME) else ""
 
 
 class _RepeatedError(Exception):

@@ -58,15 +58,16 @@ def body_measures(character: Character) -> dict[str, float]:
 
 
 def joint_rows(character: Character) -> list[list[Any]]:
-    """A row a joint, as COLUMNS: length to its end or to the joint that hangs farthest down [m], mass [kg], centre of
-    mass in its frame [m], moments of inertia of all that hangs on it about left, up and forward [kg m^2]."""
+    """A row a joint, as COLUMNS: length to its end or to the joint farthest up or down from it [m], mass [kg], centre
+    of mass in its frame [m], moments of inertia of all that hangs on it about left, up and forward [kg m^2]."""
     skeleton = character.skeleton
     rows = []
     for i, name in enumerate(skeleton.names):
         tips = [skeleton.offsets[child] for child in skeleton.children(i)]
         tips += [skeleton.end_sites[name]] if name in skeleton.end_sites else []
         parent = skeleton.names[skeleton.parents[i]] if skeleton.parents[i] >= 0 else None
-        length = max(float(tip.norm()) for tip in tips)
+        # Shoulders and hips lie beside the trunk, not at its end.
+        length = float(max(tips, key=lambda tip: abs(float(tip[1]))).norm())
         numbers = torch.cat((character.masses[i : i + 1], character.coms[i], character.inertias[i]))
         rows.append([name, parent, length, *numbers.tolist()])
     return rows

@@ -65,10 +65,15 @@ def find_runs(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise HopdiffError(f"runs={folder} is not a folder.")
-    found = sorted((path.parent for path in folder.rglob("metrics.json")), key=_natural)
+    found = sorted((path.parent for path in folder.rglob("metrics.json") if not _aside(path)), key=_natural)
     if not found:
         raise HopdiffError(f"runs={folder} holds no run: no metrics.json was found in it or below it.")
     return found
+
+
+def _aside(metrics: Path) -> bool:
+    """Whether these are the metrics of task=body or task=hopper, which are no runs."""
+    return any(metrics.with_name(name).is_file() for name in ("body.csv", "frames.csv"))
 
 
 def write_comparison(path: Path, names: Sequence[str], records: Sequence[RunRecord]) -> None:

@@ -227,7 +227,8 @@ def hopper_summary(
         ),
     ]
     if not numbers["fell"] and (depth := -numbers["lowest_foot"]) > 0.005:
-        knee = "hopper.flight_knee_deg" if settings.legs == 1 else "hopper.active_knee_middle_deg"
-        rows.append(("note", f"a free foot passes {depth:.2f} m below the ground: raise {knee}"))
+        knee = "flight_knee_deg" if settings.legs == 1 else "active_knee_middle_deg"
+        advice = f": raise hopper.{knee}" if getattr(settings, knee) < RANGES[knee][1] else ""
+        rows.append(("note", f"a free foot passes {depth:.2f} m below the ground{advice}"))
     rows.append(("files", shown(folder)))
     return "\n".join(f"{name:<9} {text}" for name, text in rows)

@@ -30,7 +30,7 @@ def replay(job: Job, genes_file: GenesFile, original: Character, folder: Path, c
         hint = ""
         # The same Froude number: motions of bodies of different size are alike then.
         if abs((alike := speed * math.sqrt(legs[0] / legs[1])) - job.problem.speed) > 0.01:
-            hint = f" At speed={alike:.2f} the character {here.name} would have the Froude number of the original."
+            hint = f" Try speed={alike:.2f}, which gives the character {here.name} the Froude number of the original."
         raise HopdiffError(
             f"genes_file {str(genes_file.path)!r} is not a possible run with these settings: {reason}{hint}"
         )

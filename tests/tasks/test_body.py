@@ -166,3 +166,12 @@ def test_a_file_in_the_place_of_the_folder_is_named(
     assert command(monkeypatch, tmp_path / "file" / "run") == 1
     assert "The run folder (hydra.run.dir) cannot be written" in capsys.readouterr().err
     assert (tmp_path / "file").read_text() == "mine"
+
+
+@pytest.mark.parametrize("trunk", [0.5, 1.0, 2.0])
+def test_the_parts_of_the_trunk_add_up_whatever_its_length(
+    trunk: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert command(monkeypatch, tmp_path, f"character.proportions.trunk={trunk}", "pictures=false") == 0
+    lengths = column(tmp_path, "length")
+    assert lengths["pelvis"] + lengths["waist"] == pytest.approx(metrics(tmp_path)["trunk_length"])

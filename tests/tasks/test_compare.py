@@ -28,6 +28,11 @@ def sweep(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr("sys.argv", ["hopdiff", "-m", "search=random,ga", "beta=0.2,0.7", *tiny])
         assert main() == 0
     shutil.copytree(finished, folder / "more" / "ga")
+    # A body and a hopper among the runs are passed over.
+    for task in ("body", "hopper"):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("sys.argv", ["hopdiff", f"task={task}", "pictures=false", f"hydra.run.dir={folder / task}"])
+            assert main() == 0
     return folder
 
 

@@ -138,7 +138,9 @@ def test_where_the_genes_cannot_run_the_speed_of_the_same_froude_number_is_told_
     out, err = capsys.readouterr()
     assert (out, len(err.splitlines())) == ("", 1)
     assert err.startswith(f"hopdiff: genes_file '{finished / 'genes.json'}' is not a possible run with these settings:")
-    hint = re.search(r"At (speed=[0-9.]+) the character (\w+) would have the Froude number of the original\.\n$", err)
+    hint = re.search(
+        r"Try (speed=[0-9.]+), which gives the character (\w+) the Froude number of the original\.\n$", err
+    )
     assert hint is not None
     assert not (tmp_path / "no").exists()
     assert replay(tmp_path / "yes", finished / "genes.json", monkeypatch, "pictures=false", *body, hint[1]) == 0
@@ -163,3 +165,51 @@ def test_a_file_of_an_older_version_still_makes_its_motion(
     for name in MOTIONS:
         assert (tmp_path / "again" / name).read_bytes() == (finished / name).read_bytes()
     assert metrics_of(tmp_path / "again")["character"] == "human"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("limp.amount=0.3",), "lacks the gene 'lame_ease'. The run has no limp: set limp.amount=0."),
+        (
+            ("+experiment=limp",),
+            "+experiment has no effect with task=replay: type single settings, as limp.amount=0.3.",
+        ),
+    ],
+)
+def test_a_replay_that_cannot_limp_says_why(
+    words: tuple[str, ...],
+    said: str,
+    finished: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert replay(tmp_path / "no", finished / "genes.json", monkeypatch, *words) == 1
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
+
+
+def test_a_limp_cannot_be_replayed_as_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("search=ordinary", "speed=3", "limp.amount=0.3", "pictures=false", f"hydra.run.dir={tmp_path / 'limp'}")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words])
+    assert main() == 0
+    source = tmp_path / "limp" / "genes.json"
+    assert replay(tmp_path / "mirror", source, monkeypatch, "limp.leg=right", "pictures=false") == 0
+    lame, mirrored = metrics_of(tmp_path / "limp"), metrics_of(tmp_path / "mirror")
+    for name in ("knee_swing_max_deg", "knee_stance_max_deg"):
+        assert mirrored[name] == pytest.approx(lame[name], abs=0.2)
+    assert replay(tmp_path / "no", source, monkeypatch, "limp.amount=0") == 1
+    assert "The run has a limp: set limp.amount above 0." in capsys.readouterr().err
+
+
+def test_what_is_wrong_with_the_saved_body_is_said_of_the_file(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = json.loads((finished / "genes.json").read_text())
+    content["settings"]["character"]["proportions"]["legs"] = 9
+    (tmp_path / "wrong.json").write_text(json.dumps(content))
+    assert replay(tmp_path / "no", tmp_path / "wrong.json", monkeypatch, "character=human") == 1
+    assert "wrong.json', of its saved settings: character.proportions.legs must lie" in capsys.readouterr().err
