@@ -222,7 +222,8 @@ def build_character(config: DictConfig) -> Character:
 def build_route(config: DictConfig) -> Route:
     """The path of the settings, checked against what their body can run. Raises HopdiffError, naming the setting."""
     character = build_character(config)
-    return plan(checked(config).path, character.leg_length, character.name)
+    settings = checked(config)
+    return plan(settings.path, character.leg_length, character.name, settings.fps)
 
 
 def check_numbers(settings: Config) -> None:

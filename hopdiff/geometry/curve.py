@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline, splev, splprep
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 from hopdiff.types import HopdiffError
@@ -18,6 +20,8 @@ Array = NDArray[np.float64]
 SAMPLES = 4000  # of the arc length along the curve, at least
 PER_PIECE = 64  # and at least so many between two points
 COINCIDENT = 1e-6  # m; points closer than this are one
+FARTHEST = 1e5  # m; from the origin: beyond it, rounding shows
+TAIL = 4.0  # standard deviations after which a Gaussian is nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +73,13 @@ class PlaneCurve:
 def curve_through(points: ArrayLike, closed: bool | None = None, smooth: float = 0.0) -> PlaneCurve:
     """A cubic spline through points (K, 2), x and z [m].
 
-    closed: None if the last point shall tell, by being the first. smooth: by how much the curve may miss the points,
-    root mean square [m]; 0 goes through all of them. The parameter is the square root of the distance between points
-    (centripetal): it makes no loops and the least overshoot where distances differ (Lee 1989). Ends are not bent.
+    closed: None if the last point shall tell, by being the first. smooth: length of the way over which the curve is
+    then averaged, the standard deviation of a Gaussian [m]; it rounds corners and no longer meets the points, but both
+    ends of an open curve. The parameter is the square root of the distance between points (centripetal): it makes no
+    loops and the least overshoot where distances differ (Lee 1989). Ends are not bent.
 
-    Raises HopdiffError if points are not pairs of finite numbers, too few, or two neighbours are one.
+    Raises HopdiffError if points are not pairs of finite numbers, too few, too far away, two neighbours are one, or
+    nothing is left of a curve that is smoothed.
     """
     nodes = _checked(points)
     ring = bool(np.hypot(*(nodes[-1] - nodes[0])) <= COINCIDENT)
@@ -88,10 +94,8 @@ def curve_through(points: ArrayLike, closed: bool | None = None, smooth: float =
         k = int(short[0])
         raise HopdiffError(f"path.points: points {k + 1} and {k + 2} are the same, {nodes[k].tolist()}.")
     knots = np.concatenate(([0.0], np.cumsum(np.sqrt(steps))))
-    # A smoothing cubic needs four points; through fewer there is nothing to smooth.
-    smoothed = smooth > 0 and len(nodes) > 3
-    spline = _smoothed(nodes, knots, closed, smooth) if smoothed else _interpolated(nodes, knots, closed)
-    return _by_arc_length(spline, knots, closed)
+    curve = _by_arc_length(_interpolated(nodes, knots, closed), knots, closed)
+    return _smoothed(curve, smooth) if smooth > 0 else curve
 
 
 def _checked(points: ArrayLike) -> Array:
@@ -106,6 +110,9 @@ def _checked(points: ArrayLike) -> Array:
         raise HopdiffError(f"path.points: point {k + 1} is not a pair of finite numbers: {nodes[k].tolist()}.")
     if len(nodes) < 2:
         raise HopdiffError(f"path.points needs at least two points, not {len(nodes)}.")
+    if (far := np.flatnonzero(np.abs(nodes).max(axis=1) > FARTHEST)).size:
+        k = int(far[0])
+        raise HopdiffError(f"path.points: point {k + 1} lies farther than {FARTHEST / 1000:g} km from [0, 0].")
     return nodes
 
 
@@ -114,9 +121,28 @@ def _interpolated(nodes: Array, knots: Array, closed: bool) -> Callable[[Array, 
     return lambda parameter, order: np.asarray(spline(parameter, order))
 
 
-def _smoothed(nodes: Array, knots: Array, closed: bool, smooth: float) -> Callable[[Array, int], Array]:
-    spline, _ = splprep(nodes.T, u=knots, s=len(nodes) * smooth**2, per=closed)
-    return lambda parameter, order: np.stack(splev(parameter, spline, der=order), axis=-1)
+def _smoothed(curve: PlaneCurve, smooth: float) -> PlaneCurve:
+    """A curve whose points are means of its way around them, weighted by a Gaussian; open ends stay in their place."""
+    if not smooth < 0.25 * curve.length:
+        raise HopdiffError(f"path.smooth must be below a quarter of the path's {curve.length:.3g} m, not {smooth:g}.")
+    count = max(SAMPLES // 4, math.ceil(8.0 * curve.length / smooth))
+    way = np.linspace(0.0, curve.length, count + 1)
+    points = curve.position(torch.as_tensor(way)).numpy()
+    width = smooth * count / curve.length
+    if curve.closed:
+        points = gaussian_filter1d(points[:-1], width, axis=0, mode="wrap", truncate=TAIL)
+        points = np.concatenate((points, points[:1]))
+    else:
+        # Mirrored about its end point, an open curve keeps it and is not bent there.
+        reach = min(count, math.ceil(TAIL * width))
+        head, tail = 2.0 * points[0] - points[reach:0:-1], 2.0 * points[-1] - points[-2 : -reach - 2 : -1]
+        longer = gaussian_filter1d(np.concatenate((head, points, tail)), width, axis=0, truncate=TAIL)
+        points = longer[reach : reach + count + 1]
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    if steps.min() <= 1e-9 * curve.length:
+        raise HopdiffError(f"path.smooth={smooth:g} leaves nothing of a turn of the path: choose a smaller one.")
+    knots = np.concatenate(([0.0], np.cumsum(steps)))
+    return _by_arc_length(_interpolated(points, knots, curve.closed), knots, curve.closed)
 
 
 def _by_arc_length(spline: Callable[[Array, int], Array], knots: Array, closed: bool) -> PlaneCurve:

@@ -43,9 +43,12 @@ def write_whole(path: str | os.PathLike[str], data: str | bytes) -> None:
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """The text of a UTF-8 file. Raises HopdiffError, naming the file, where it cannot be read."""
+    """The text of a UTF-8 file, without a byte order mark.
+
+    Raises HopdiffError, naming the file, where it cannot be read.
+    """
     try:
-        return Path(path).read_text(encoding="utf-8")
+        return Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise HopdiffError(f"cannot read {path}: {_reason(error)}.") from error
     except UnicodeDecodeError as error:

@@ -18,7 +18,8 @@ from hopdiff.types import HopdiffError
 
 Array = NDArray[np.float64]
 
-SVG_POINTS = 100  # samples along a drawn path
+SVG_POINTS = 100  # samples along a drawn path, at least
+PER_SEGMENT = 16  # and on each of its pieces
 LARGEST = 20_000_000  # characters of an SVG file
 
 
@@ -64,7 +65,7 @@ def _read_csv(path: Path) -> Array:
             raise HopdiffError(f"{where}, line {number}: x and z must be two finite numbers.")
         points.append([float(cell) for cell in values])
     if len(points) < 2:
-        raise HopdiffError(f"{where} holds {len(points)} points; a path needs at least two.")
+        raise HopdiffError(f"{where} holds {len(points)} point{'s' * (len(points) != 1)}; a path needs at least two.")
     return np.array(points)
 
 
@@ -96,13 +97,14 @@ def _read_svg(path: Path) -> Array:
         drawn = [shape for shape in shapes if shape.length(error=1e-3) > 0]
     except ParseError as error:
         raise HopdiffError(f"{where}, line {error.position[0]}: not an SVG file.") from error
-    except (ValueError, TypeError, ZeroDivisionError, IndexError, KeyError, AttributeError) as error:
+    except (ValueError, TypeError, ZeroDivisionError, IndexError, KeyError, AttributeError, RecursionError) as error:
         raise HopdiffError(f"{where} cannot be read as an SVG drawing: {error}.") from error
     if len(drawn) != 1:
         raise HopdiffError(f"{where} must hold one path, not {len(drawn)}.")
     if len(list(drawn[0].as_subpaths())) != 1:
         raise HopdiffError(f"{where}: the path must be one line, not several pieces.")
-    found = np.asarray(drawn[0].npoint(np.linspace(0.0, 1.0, SVG_POINTS + 1)), dtype=np.float64)
+    count = max(SVG_POINTS, PER_SEGMENT * len(drawn[0]))
+    found = np.asarray(drawn[0].npoint(np.linspace(0.0, 1.0, count + 1)), dtype=np.float64)
     if not np.isfinite(found).all():
         raise HopdiffError(f"{where}: the path holds a number that is not finite.")
     return -(found - found[0])

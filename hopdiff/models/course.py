@@ -161,6 +161,14 @@ class _Course:
         excess = [smooth_max(reach - longest, 0.0, width) for reach in (before, after)]
         return (foot + change) * (1.0 - weight * (excess[1] - excess[0]) / after)
 
+    def _above_ground(self, side: str, foot: Tensor, frame: _Frame) -> Tensor:
+        """A foot in the air (T, 3), lifted to the ground where a hasty start of its swing would take it below."""
+        up = frame.axes[:, 1]
+        hip = self._hip(side, frame.channels)
+        hip[:, 1] += frame.height
+        height = (up * (hip + foot)).sum(-1, keepdim=True)
+        return foot - height.clamp(max=0.0) * up
+
     def _sinking(self) -> Curve:
         """By how much HIP sinks over time, so that no leg has to reach beyond its length [m]."""
         needs, middles = [], []
@@ -203,7 +211,7 @@ class _Course:
         fading = hermite(x, last[which], first[which + 1], last_rate[which], first_rate[which + 1], air)
         inside = (torch.minimum(x, 1.0 - x) / ENDS).clamp(max=1.0)
         flying = self._in_reach(self._straight(side, frame.channels), fading, inside**2 * (3.0 - 2.0 * inside))
-        foot = torch.where(standing, self._pinned(side, places[which], frame), flying)
+        foot = torch.where(standing, self._pinned(side, places[which], frame), self._above_ground(side, flying, frame))
         left, up, forward = foot.unbind(-1)
         return leg_pose(left, up, forward, self.body.thigh, self.body.shank)[0]
 

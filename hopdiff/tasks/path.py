@@ -31,6 +31,8 @@ from hopdiff.tasks.run import searched
 from hopdiff.types import HopdiffError
 
 HOLD = 1.0  # of gravity: what a foot on level ground can push sideways
+MAX_FRAMES = 100_000
+MAX_SAMPLES = 1_000_000  # along a path, in the search for its tightest turn
 CADENCES = 201  # stride times looked up between the shortest and the longest
 
 
@@ -39,7 +41,7 @@ class PathSettings:
     """points: [[x, z], ...] [m]. file: a CSV or SVG file, which goes before the points. time [s]. closed: None if the
     points shall tell.
 
-    scale: metres a unit of the file. smooth: root mean square distance by which the curve may miss the points [m].
+    scale: metres a unit of the file. smooth: length of the way over which the curve is averaged [m].
     """
 
     points: list[Any] = field(default_factory=list)  # of pairs; whole numbers would be refused for floats
@@ -66,14 +68,18 @@ class Route:
 
     def tightest(self) -> tuple[float, Tensor]:
         """The least radius of a turn [m] and the place (2,) where it is."""
-        arc = torch.linspace(0.0, self.curve.length, max(1000, math.ceil(self.curve.length / 0.02)))
-        bend = self.curve.curvature(arc.double()).abs()
+        count = min(max(1000, math.ceil(self.curve.length / 0.02)), MAX_SAMPLES)
+        arc = torch.linspace(0.0, self.curve.length, count + 1, dtype=torch.float64)
+        bend = self.curve.curvature(arc).abs()
+        # A turn about on the spot has no curvature before or after it, only another heading.
+        turn = self.curve.heading(arc).diff().abs() * (count / self.curve.length)
+        bend[1:] = torch.maximum(bend[1:], turn)
         worst = int(bend.argmax())
-        return 1.0 / max(float(bend[worst]), 1e-9), self.curve.position(arc[worst : worst + 1].double())[0]
+        return 1.0 / max(float(bend[worst]), 1e-9), self.curve.position(arc[worst : worst + 1])[0]
 
 
-def plan(settings: PathSettings, leg_length: float, body: str) -> Route:
-    """The route of the settings. leg_length [m] and name of the body bound its speed.
+def plan(settings: PathSettings, leg_length: float, body: str, fps: float) -> Route:
+    """The route of the settings. leg_length [m] and name of the body bound its speed, fps [frames/s] its time.
 
     Raises HopdiffError, naming the setting and the range that is possible, for points or a file that make no curve,
     a number out of range, a time for which the body would have to be too fast or too slow, or a turn too sharp.
@@ -93,6 +99,11 @@ def plan(settings: PathSettings, leg_length: float, body: str) -> Route:
     curve = curve_through(points, settings.closed, settings.smooth)
     route = Route(np.asarray(points, dtype=np.float64), curve, settings.time, math.radians(settings.max_lean_deg))
     _check_speed(route, leg_length, body)
+    if settings.time * fps > MAX_FRAMES:
+        raise HopdiffError(
+            f"path.time={settings.time:g} at fps={fps:g} makes more than {MAX_FRAMES} frames: {MAX_FRAMES / fps:.0f} s"
+            " are the most."
+        )
     return route
 
 
@@ -100,13 +111,17 @@ def _check_speed(route: Route, leg_length: float, body: str) -> None:
     slowest, fastest = (froude * math.sqrt(GRAVITY * leg_length) for froude in FROUDE_RANGE)
     length, (radius, place) = route.curve.length, route.tightest()
     most = min(fastest, math.sqrt(HOLD * GRAVITY * radius))
-    where = f"the path turns with a radius of {radius:.2f} m near [{float(place[0]):.1f}, {float(place[1]):.1f}]"
+    where = f"the path turns with a radius of {radius:.2f} m near [{place[0] + 0.0:.1f}, {place[1] + 0.0:.1f}]"
     if most < slowest:
         raise HopdiffError(
             f"{where}: too sharp at any speed; the character {body} needs {slowest**2 / (HOLD * GRAVITY):.2f} m or more"
-            " (path.smooth=0.1 or more rounds it)."
+            " (path.smooth rounds it, 0.5 over about a metre)."
         )
-    times = f"path.time must lie between {length / most:.1f} and {length / slowest:.1f} s"
+    # Rounded inwards, so that both ends are allowed.
+    times = (
+        f"path.time must lie between {math.ceil(10.0 * length / most) / 10.0:g}"
+        f" and {math.floor(10.0 * length / slowest) / 10.0:g} s"
+    )
     if route.speed > fastest or route.speed < slowest:
         raise HopdiffError(
             f"path.time={route.time:g} asks for {route.speed:.1f} m/s over {length:.1f} m, and the character {body}"
@@ -137,8 +152,10 @@ def run_path(job: Job, route: Route, folder: Path, command: list[str]) -> bool:
     with torch.no_grad():
         motion = run_along(gait, route.curve, strides, route.time, job.fps, route.max_lean)
         before = float(stride_time(job.problem.gait(result.best_genes.unsqueeze(0))))
-    change = run.metrics["stride_time"] / before - 1.0
-    metrics = run.metrics | path_metrics(route, motion, strides) | {"stride_adjustment": change}
+    # The thesis model counts whole frames, so that its strides are stretched by what is left.
+    stride = route.time / strides
+    made = {"stride_time": stride, "step_frequency": 2.0 / stride, "stride_adjustment": stride / before - 1.0}
+    metrics = run.metrics | path_metrics(route, motion, strides) | made
     run = replace(run, motion=motion, metrics=metrics)
     write_path_run(folder, job, route, run, command)
     print(path_summary(folder, run), flush=True)

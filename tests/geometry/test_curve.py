@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -192,21 +193,45 @@ def test_a_closed_curve_goes_round_again() -> None:
         assert (curve.curvature(there) - curve.curvature(way)).abs().numpy().max() < 1e-9
 
 
-@pytest.mark.parametrize("smooth", [0.1, 0.3])
 @pytest.mark.parametrize("closed", [True, False])
-def test_smoothing_misses_the_points_by_as_much_as_it_may_and_bends_less(closed: bool, smooth: float) -> None:
+def test_smoothing_bends_less_the_longer_it_averages(closed: bool) -> None:
     rough = ring(40) + np.random.default_rng(5).normal(scale=0.3, size=(40, 2))
-    exact, smoothed = curve_through(rough, closed), curve_through(rough, closed, smooth)
-    missed = misses(smoothed, rough)
-    # The nearest point of the curve may be nearer than the one of the same parameter.
-    assert 0.5 * smooth < math.sqrt(float(np.mean(missed**2))) < 1.05 * smooth
-    assert smoothed.closed is closed
-    assert worst_bend(smoothed) < 0.7 * worst_bend(exact)
+    curves = [curve_through(rough, closed, smooth) for smooth in (0.0, 0.3, 1.0, 3.0)]
+    bends = [worst_bend(curve) for curve in curves]
+    assert all(later < 0.8 * sooner for sooner, later in pairwise(bends))
+    assert all(curve.closed is closed for curve in curves)
+    assert all(later.length < sooner.length for sooner, later in pairwise(curves))
+    missed = [misses(curve, rough).mean() for curve in curves]
+    assert missed == sorted(missed)
+    assert missed[-1] < 1.5
 
 
-def test_two_and_three_points_are_not_smoothed() -> None:
-    for points in (BENDS[:2], BENDS[:3]):
-        assert misses(curve_through(points, None, 1.0), points).max() < 1e-3
+@pytest.mark.parametrize("points", [BENDS[:3], BENDS, UNEVEN])
+@pytest.mark.parametrize("smooth", [1e-3, 0.5, 2.0])
+def test_smoothing_leaves_the_ends_of_an_open_curve_where_they_are_and_unbent(
+    points: list[list[float]], smooth: float
+) -> None:
+    curve = curve_through(points, None, smooth)
+    ends = torch.tensor([0.0, curve.length], dtype=torch.float64)
+    assert (curve.position(ends).numpy() - np.array([points[0], points[-1]])).tolist() == pytest.approx(
+        np.zeros((2, 2)), abs=1e-9
+    )
+    assert curve.curvature(ends).numpy() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_straight_line_is_smooth_already() -> None:
+    curve = curve_through([[0.0, 0.0], [3.0, 4.0]], None, 1.0)
+    assert curve.length == pytest.approx(5.0, abs=1e-9)
+
+
+def test_a_corner_of_three_points_is_rounded() -> None:
+    corner = [[0.0, 0.0], [0.0, 10.0], [3.0, 0.0]]
+    assert worst_bend(curve_through(corner, None, 1.0)) < 0.3 * worst_bend(curve_through(corner))
+
+
+def test_smoothing_that_leaves_nothing_is_refused() -> None:
+    with pytest.raises(HopdiffError, match=r"path\.smooth must be below a quarter of the path's [0-9.]+ m, not 100\."):
+        curve_through(LOOP, True, 100.0)
 
 
 def test_numbers_come_back_as_doubles_whatever_goes_in() -> None:
