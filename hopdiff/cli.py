@@ -63,8 +63,8 @@ def job(config: DictConfig) -> None:
             raise _Failed from error
         if (said := sentence(error, known_settings)) is None:
             raise
-        named = HopdiffError(f"job {info.job.num} ({' '.join(info.overrides.task)}): {said}")
-        print(f"hopdiff: {as_typed(str(named))}", file=sys.stderr, flush=True)
+        named = HopdiffError(as_typed(f"job {info.job.num} ({' '.join(info.overrides.task)}): {said}"))
+        print(f"hopdiff: {named}", file=sys.stderr, flush=True)
         raise named from error
     if interrupted:
         sys.exit(INTERRUPTED)

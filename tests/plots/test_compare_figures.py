@@ -128,7 +128,7 @@ def test_runs_on_different_genes_are_told_apart() -> None:
     names = ["ga, default", "ga, default+common_eta"]
     assert {line.get_label() for line in convergence_overlay(records).axes[0].lines} == set(names)
     axes = summary_figure(records).axes
-    assert [label.get_text() for label in axes[0].get_yticklabels()] == [f"3 m/s, beta 0.2:  {name}" for name in names]
+    assert [label.get_text() for label in axes[0].get_yticklabels()] == [f"3 m/s, beta 0.2: {name}" for name in names]
     (panel,) = (panel for panel in axes if "eval" in panel.get_xlabel())
     assert [float(x) for line in panel.lines if line.get_marker() == "o" for x in line.get_xdata()] == [0.3]
 
@@ -136,7 +136,7 @@ def test_runs_on_different_genes_are_told_apart() -> None:
 def test_costs_of_different_problems_are_not_pooled() -> None:
     records = [record(cost=1.0), record(seed=2, cost=3.0), record(beta=0.7, cost=100.0)]
     axes = summary_figure(records).axes[0]
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["3 m/s, beta 0.2:  ga", "3 m/s, beta 0.7:  ga"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["3 m/s, beta 0.2: ga", "3 m/s, beta 0.7: ga"]
     medians = [line.get_xdata()[0] for line in axes.lines if len(set(line.get_ydata())) == 2]
     assert medians == [2.0, 100.0]
 
