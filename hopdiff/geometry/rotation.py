@@ -8,6 +8,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+POLE = 1e-9  # sine of the angle between the outer two axes below which they count as one
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 
 
@@ -29,24 +30,51 @@ def axis_rotation(axis: str, angle: Tensor) -> Tensor:
 def euler_to_matrix(angles: Tensor, order: str) -> Tensor:
     """Intrinsic Euler angles to a matrix: order "ZXY" gives R = Z(a0) X(a1) Y(a2), as BVH channels are read.
 
-    angles: (..., 3) [rad], in the order of the letters. Returns (..., 3, 3).
+    angles: (..., n) [rad], in the order of the n letters; any letters, any number of them. Returns (..., 3, 3).
     """
-    first, second, third = (axis_rotation(axis, angles[..., i]) for i, axis in enumerate(order))
-    return first @ second @ third
+    if not order:
+        return torch.eye(3).to(angles).expand(*angles.shape[:-1], 3, 3)
+    columns = list(axis_rotation(order[0], angles[..., 0]).unbind(-1))
+    for i, axis in enumerate(order[1:], start=1):
+        # A turn about an axis mixes the columns of the other two: quicker than a product of small matrices.
+        c, s = torch.cos(angles[..., i, None]), torch.sin(angles[..., i, None])
+        p, q = (_AXES[axis] + 1) % 3, (_AXES[axis] + 2) % 3
+        columns[p], columns[q] = c * columns[p] + s * columns[q], c * columns[q] - s * columns[p]
+    return torch.stack(columns, dim=-1)
 
 
-def matrix_to_euler(matrix: Tensor, order: str) -> Tensor:
-    """Inverse of `euler_to_matrix` for the six orders with three different axes.
+def matrix_to_euler(matrix: Tensor, order: str, at_pole: Tensor | None = None) -> Tensor:
+    """Inverse of `euler_to_matrix` for one, two or three letters of which no two neighbours are the same.
 
-    matrix: (..., 3, 3). Returns (..., 3) [rad]; the middle angle lies in [-pi/2, pi/2]. At the poles of the
-    middle angle the split between the outer two is not unique and the third is left at the value of atan2(0, 0).
+    matrix: (..., 3, 3). at_pole: (...) [rad], first angle where the outer two of three turn about one axis and only
+    their sum counts; 0 if None. Returns (..., n) [rad]; the middle one of three lies in [-pi/2, pi/2] if all three
+    letters differ and in [0, pi] if the outer two are the same, poles left aside. With one or two letters not every
+    rotation can be had: then a rotation comes back that shares what it can.
     """
-    i, j, k = (_AXES[axis] for axis in order)
-    sign = 1.0 if (j - i) % 3 == 1 else -1.0
-    second = torch.asin((sign * matrix[..., i, k]).clamp(-1.0, 1.0))
-    first = torch.atan2(-sign * matrix[..., j, k], matrix[..., k, k])
-    third = torch.atan2(-sign * matrix[..., i, j], matrix[..., i, i])
-    return torch.stack((first, second, third), dim=-1)
+    axes = [_AXES[axis] for axis in order]
+    if len(axes) == 1:
+        q, r = (axes[0] + 1) % 3, (axes[0] + 2) % 3
+        sine, cosine = matrix[..., r, q] - matrix[..., q, r], matrix[..., q, q] + matrix[..., r, r]
+        return torch.atan2(sine, cosine)[..., None]
+    if len(axes) == 2:
+        return torch.stack(_two_angles(matrix, *axes), dim=-1)
+    i, j, k = axes
+    other, sign = 3 - i - j, 1.0 if (j - i) % 3 == 1 else -1.0
+    # The third axis, turned, has no part along j once the first turn is undone.
+    along, across = matrix[..., other, k], matrix[..., j, k]
+    first = torch.atan2(across, -sign * along) if i == k else torch.atan2(-sign * across, along)
+    pole = torch.hypot(along, across) < max(POLE, 8 * torch.finfo(matrix.dtype).eps)
+    first = torch.where(pole, torch.zeros_like(first) if at_pole is None else at_pole, first)
+    rest = axis_rotation(order[0], -first) @ matrix
+    return torch.stack((first, *_two_angles(rest, j, k)), dim=-1)
+
+
+def _two_angles(matrix: Tensor, i: int, j: int) -> tuple[Tensor, Tensor]:
+    """Angles about axes i and j of a matrix that is made of these two turns; there are no poles."""
+    k, sign = 3 - i - j, 1.0 if (j - i) % 3 == 1 else -1.0
+    first = torch.atan2(sign * matrix[..., k, j], matrix[..., j, j])
+    second = torch.atan2(sign * matrix[..., i, k], matrix[..., i, i])
+    return first, second
 
 
 def unwrap(angles: Tensor, dim: int = 0) -> Tensor:

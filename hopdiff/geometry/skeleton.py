@@ -28,18 +28,19 @@ class Skeleton:
     def children(self, joint: int) -> list[int]:
         return [child for child, parent in enumerate(self.parents) if parent == joint]
 
-    def forward(self, root_position: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, root_position: Tensor, rotations: Tensor, offsets: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Forward kinematics.
 
-        root_position: (..., 3) [m]. rotations: (..., J, 3, 3), each in its parent's frame.
+        root_position: (..., 3) [m]. rotations: (..., J, 3, 3), each in its parent's frame. offsets: (..., J, 3) [m],
+        in place of the skeleton's where joints move against their parents.
         Returns joint positions (..., J, 3) [m] and orientations (..., J, 3, 3), both in the world.
         """
-        offsets = self.offsets.to(rotations)
+        offsets = (self.offsets if offsets is None else offsets).to(rotations)
         positions: list[Tensor] = [root_position]
         orientations: list[Tensor] = [rotations[..., 0, :, :]]
         for joint in range(1, len(self.names)):
             parent = self.parents[joint]
-            positions.append(positions[parent] + orientations[parent] @ offsets[joint])
+            positions.append(positions[parent] + (orientations[parent] @ offsets[..., joint, :, None])[..., 0])
             orientations.append(orientations[parent] @ rotations[..., joint, :, :])
         return torch.stack(positions, dim=-2), torch.stack(orientations, dim=-3)
 

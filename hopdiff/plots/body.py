@@ -69,7 +69,7 @@ class Body:
 
     def points(self, clip: Clip) -> Array:
         """(T, J + E, 3) world positions of the joints and, after them, the end sites [m]."""
-        positions, orientations = clip.skeleton.forward(clip.root_position, clip.rotations)
+        positions, orientations = clip.forward()
         ends = clip.skeleton.end_positions(positions, orientations)
         tracks = [positions.detach().cpu().double().numpy()]
         tracks += [ends[name].detach().cpu().double().numpy()[:, None] for name in self.end_names]

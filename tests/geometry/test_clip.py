@@ -65,3 +65,17 @@ def test_in_place_leaves_the_original_and_single_frames_alone():
 def test_clips_are_immutable():
     with pytest.raises(dataclasses.FrozenInstanceError):
         bouncing().frame_time = 1.0
+
+
+def test_joints_that_move_against_their_parents():
+    clip = bouncing()
+    stretch = torch.linspace(0.5, 0.9, clip.frames, dtype=torch.float64)
+    offsets = torch.zeros(clip.frames, 2, 3, dtype=torch.float64)
+    offsets[:, 1, 2] = stretch
+    telescope = dataclasses.replace(clip, offsets=offsets)
+    length = torch.linalg.vector_norm(telescope.joint_positions()[:, 1] - clip.root_position, dim=-1)
+    torch.testing.assert_close(length, stretch)
+    apart = telescope.end_positions()["tip"] - telescope.joint_positions()[:, 1]
+    torch.testing.assert_close(apart, clip.end_positions()["tip"] - clip.joint_positions()[:, 1])
+    still = dataclasses.replace(clip, offsets=STICK.offsets.expand(clip.frames, 2, 3))
+    torch.testing.assert_close(still.joint_positions(), clip.joint_positions())
