@@ -12,6 +12,7 @@ import torch
 from hopdiff.editing.root_path import RootPath, root_path
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import read_bvh
+from hopdiff.motion import Motion
 from tests.builders import make_problem, valid_genes
 
 MOCAP = Path(__file__).resolve().parents[3] / "shared" / "mocap"
@@ -32,10 +33,14 @@ def walk(frames: int = 120, frame_time: float = 1.0 / 30.0, bend: float = 0.0, f
 
 
 @cache
-def stride() -> Clip:
-    """One stride of a run of our own."""
+def stride_motion() -> Motion:
+    """One stride of a run of our own, with all that is known of it."""
     problem = make_problem("speed=3", "beta=0.2")
-    return problem.motion(valid_genes(problem, 1, seed=2)[0], 60.0).clip
+    return problem.motion(valid_genes(problem, 1, seed=2)[0], 60.0)
+
+
+def stride() -> Clip:
+    return stride_motion().clip
 
 
 def mocap(name: str) -> Clip:

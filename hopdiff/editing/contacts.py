@@ -1,0 +1,133 @@
+"""When feet stand, and how much they slide while they do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from hopdiff.editing.legs import Leg
+from hopdiff.geometry.clip import Clip
+
+LOW = 0.04  # m above its own floor up to which a point may stand
+STILL = 0.35  # m/s up to which it may move
+HASTE = 0.15  # of the body's speed: what a point of a fast runner may move
+SHORTEST = 0.08  # s of a contact
+GAP = 0.05  # s that a contact may be interrupted
+FLOOR = 0.05  # share of the frames in which a point is lower than its floor
+GLANCE = 1.0 / 30.0  # s over which speeds are measured
+LEG = 0.9  # m; length of the leg for which LOW is meant
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Points of the feet and when they stand. points: leg and joint, -1 for the end site of the knee; names: for
+    people. touching: (T, P) bool. floor: (P,) height of each point while it stands [m]."""
+
+    legs: tuple[Leg, ...]
+    points: tuple[tuple[int, int], ...]
+    names: tuple[str, ...]
+    touching: Tensor
+    floor: Tensor
+
+    def plants(self, leg: int) -> list[tuple[int, int]]:
+        """First and last frame of every time in which any point of a leg stands."""
+        own = [k for k, (which, _) in enumerate(self.points) if which == leg]
+        return list(spans(self.touching[:, own].any(dim=-1)))
+
+
+def find_contacts(clip: Clip, legs: tuple[Leg, ...]) -> Contacts:
+    """Points that are low and still for a while: ankle and toe of each leg, or the end of its shank.
+
+    Times are seconds, so the frame rate does not matter; heights go with the length of the legs.
+    """
+    points, names = [], []
+    for k, leg in enumerate(legs):
+        parts = (("heel", leg.ankle), ("toe", leg.toe))
+        found = [(f"{leg.side} {part}", joint) for part, joint in parts if joint is not None]
+        for name, joint in found or [(f"{leg.side} foot", -1)]:
+            points.append((k, joint))
+            names.append(name)
+    draft = Contacts(legs, tuple(points), tuple(names), torch.zeros(0), torch.zeros(0))
+    places = contact_points(clip, draft)
+    height = places[..., 1]
+    floor = torch.quantile(height[:: max(1, len(height) // 5000)], FLOOR, dim=0)
+    root = clip.root_position.double()
+    way = float(root[:, [0, 2]].diff(dim=0).norm(dim=-1).sum()) / max(clip.duration, clip.frame_time)
+    low = height - floor < LOW * leg_length(clip, legs[0]) / LEG
+    still = _speed(places, clip.frame_time) < max(STILL, HASTE * way)
+    touching = torch.stack([_lasting(column, clip.frame_time) for column in (low & still).unbind(-1)], dim=-1)
+    return Contacts(legs, tuple(points), tuple(names), touching, floor)
+
+
+def contact_points(clip: Clip, contacts: Contacts) -> Tensor:
+    """(T, P, 3) places of the points of a clip [m], in float64."""
+    positions, orientations = clip.forward()
+    places = []
+    for leg, joint in contacts.points:
+        knee = contacts.legs[leg].knee
+        if joint >= 0:
+            places.append(positions[:, joint])
+        else:
+            end = clip.skeleton.end_sites[clip.skeleton.names[knee]].to(orientations)
+            places.append(positions[:, knee] + orientations[:, knee] @ end)
+    return torch.stack(places, dim=1).double()
+
+
+def leg_length(clip: Clip, leg: Leg) -> float:
+    """From hip to ankle, or to the end of the shank [m]."""
+    skeleton = clip.skeleton
+    shank = skeleton.offsets[leg.ankle] if leg.ankle is not None else skeleton.end_sites[skeleton.names[leg.knee]]
+    return float(skeleton.offsets[leg.knee].norm() + shank.norm())
+
+
+def slide_numbers(clip: Clip, contacts: Contacts) -> dict[str, float]:
+    """How still the feet of a clip stand. slide_speed: mean horizontal speed of standing points [m/s]. drift: farthest
+    that one gets within a contact from where it began [m]. foot_depth: deepest below its floor [m]. contact_share: of
+    frames with a standing point."""
+    places = contact_points(clip, contacts)
+    ground = places[..., [0, 2]]
+    both = contacts.touching[1:] & contacts.touching[:-1]
+    pace = ground.diff(dim=0).norm(dim=-1) / clip.frame_time
+    drift = 0.0
+    for k in range(len(contacts.points)):
+        for first, last in spans(contacts.touching[:, k]):
+            own = ground[first : last + 1, k]
+            drift = max(drift, float((own - own[0]).norm(dim=-1).max()))
+    return {
+        "slide_speed": float(pace[both].mean()) if bool(both.any()) else 0.0,
+        "drift": drift,
+        "foot_depth": max(0.0, float((contacts.floor - places[..., 1]).max())),
+        "contact_share": float(contacts.touching.any(dim=-1).double().mean()),
+    }
+
+
+def spans(flags: Tensor) -> Iterator[tuple[int, int]]:
+    """First and last frame of every run of true in (T,)."""
+    padded = torch.cat((torch.zeros(1, dtype=torch.int8), flags.to(torch.int8), torch.zeros(1, dtype=torch.int8)))
+    change = padded.diff()
+    starts, ends = (change == 1).nonzero().flatten().tolist(), (change == -1).nonzero().flatten().tolist()
+    yield from ((first, after - 1) for first, after in zip(starts, ends, strict=True))
+
+
+def _lasting(flags: Tensor, frame_time: float) -> Tensor:
+    """(T,) with short interruptions filled and short contacts dropped, those at the ends of the clip aside."""
+    filled = flags.clone()
+    for first, last in spans(~flags):
+        if first > 0 and last < len(flags) - 1 and (last - first + 1) * frame_time < GAP:
+            filled[first : last + 1] = True
+    kept = filled.clone()
+    for first, last in spans(filled):
+        if first > 0 and last < len(flags) - 1 and (last - first + 1) * frame_time < SHORTEST:
+            kept[first : last + 1] = False
+    return kept
+
+
+def _speed(places: Tensor, frame_time: float) -> Tensor:
+    """(T, P) speeds, measured over a glance so that the noise of fast cameras does not count [m/s]."""
+    half = max(1, round(0.5 * GLANCE / frame_time))
+    frames = torch.arange(len(places))
+    before, after = (frames - half).clamp_min(0), (frames + half).clamp_max(len(places) - 1)
+    return (places[after] - places[before]).norm(dim=-1) / ((after - before).clamp_min(1) * frame_time)[:, None]

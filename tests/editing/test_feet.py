@@ -1,0 +1,150 @@
+"""Contacts found, and feet that stand as still after an edit as before it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import pytest
+import torch
+
+from hopdiff.editing.contacts import Contacts, find_contacts, slide_numbers, spans
+from hopdiff.editing.feet import clean_feet
+from hopdiff.editing.legs import find_legs
+from hopdiff.editing.loop import repeated
+from hopdiff.editing.root_path import RootPath, root_path, with_root_path
+from hopdiff.editing.targets import Constraint, edit_path
+from hopdiff.geometry.clip import Clip
+from tests.editing.walks import mocap, stride, stride_motion
+
+CAPTURED = ("walk_straight_cmu_07_01", "walk_straight_cmu_16_15", "walk_straight_snu_30hz", "run_cmu_16_35")
+CLIPS = ("own", *CAPTURED)
+TURNS = (("aside", None), ("same place", 90.0), ("aside", 90.0), ("back", 180.0))
+
+
+@cache
+def own_run() -> Clip:
+    return repeated(stride(), 6)
+
+
+def clip_of(name: str) -> Clip:
+    return own_run() if name == "own" else mocap(name)
+
+
+def contacts_of(clip: Clip) -> Contacts:
+    return find_contacts(clip, find_legs(clip.skeleton))
+
+
+def wish(path: RootPath, where: str, turn: float | None) -> Constraint:
+    way = path.place[-1] - path.place[0]
+    left = torch.stack((way[1], -way[0]))
+    place = {"aside": path.place[-1] + 0.2 * left, "same place": path.place[-1], "back": path.place[0] + 0.5 * left}[
+        where
+    ]
+    yaw = None if turn is None else float(path.yaw[-1]) + math.radians(turn)
+    return Constraint(path.frames - 1, (float(place[0]), float(place[1])), yaw, keep=turn is None)
+
+
+def edited(clip: Clip, where: str, turn: float | None) -> Clip:
+    path = root_path(clip)
+    return with_root_path(clip, path, edit_path(path, [wish(path, where, turn)], clip.frame_time).path)
+
+
+def difference(a: Clip, b: Clip) -> float:
+    return max(float((a.rotations - b.rotations).abs().max()), float((a.root_position - b.root_position).abs().max()))
+
+
+def fastest(clip: Clip) -> float:
+    """Largest angular speed of any joint [rad/s]."""
+    between = clip.rotations[:-1].transpose(-1, -2) @ clip.rotations[1:]
+    cosine = 0.5 * (between.diagonal(dim1=-2, dim2=-1).sum(-1) - 1.0)
+    return float(torch.acos(cosine.clamp(-1.0, 1.0)).max()) / clip.frame_time
+
+
+def test_contacts_of_a_run_of_our_own_are_its_stances() -> None:
+    clip, contacts = own_run(), contacts_of(own_run())
+    assert contacts.names == ("left foot", "right foot")
+    numbers = slide_numbers(clip, contacts)
+    assert numbers["slide_speed"] < 0.05
+    assert numbers["drift"] < 0.02
+    motion = stride_motion()
+    intervals = len(motion.times) - 1
+    stances = torch.cat([motion.contact[:-1]] * 6 + [motion.contact[-1:]])
+    assert len(stances) == 6 * intervals + 1
+    agree = contacts.touching == stances
+    assert float(agree.double().mean()) > 0.93
+
+
+@pytest.mark.parametrize(("name", "plants", "share"), [("walk_straight_cmu_16_15", 4, 0.95), ("run_cmu_16_35", 2, 0.3)])
+def test_contacts_of_captured_clips(name: str, plants: int, share: float) -> None:
+    contacts = contacts_of(mocap(name))
+    assert contacts.names == ("left heel", "left toe", "right heel", "right toe")
+    assert [len(contacts.plants(leg)) for leg in (0, 1)] == [plants, plants]
+    assert float(contacts.touching.any(dim=-1).double().mean()) >= share
+
+
+def test_the_frame_rate_does_not_change_the_contacts() -> None:
+    fast = mocap("walk_straight_cmu_16_15")
+    slow = replace(
+        fast, root_position=fast.root_position[::4], rotations=fast.rotations[::4], frame_time=4.0 * fast.frame_time
+    )
+    both = contacts_of(fast).touching[::4] == contacts_of(slow).touching
+    assert float(both.double().mean()) > 0.93
+
+
+def test_spans_are_runs_of_true() -> None:
+    flags = torch.tensor([True, True, False, True, False, False, True])
+    assert list(spans(flags)) == [(0, 1), (3, 3), (6, 6)]
+    assert list(spans(torch.zeros(4, dtype=torch.bool))) == []
+
+
+@pytest.mark.parametrize("name", CLIPS)
+def test_without_an_edit_nothing_is_cleaned(name: str) -> None:
+    clip = clip_of(name)
+    contacts = contacts_of(clip)
+    assert difference(clean_feet(clip, clip, contacts.legs, contacts), clip) < 1e-6
+
+
+@pytest.mark.parametrize(("where", "turn"), TURNS)
+@pytest.mark.parametrize("name", CLIPS)
+def test_feet_stand_as_still_as_in_the_source(name: str, where: str, turn: float | None) -> None:
+    clip = clip_of(name)
+    contacts = contacts_of(clip)
+    moved = edited(clip, where, turn)
+    ends = (0, clip.frames - 1)
+    clean = clean_feet(clip, moved, contacts.legs, contacts, ends)
+    source, before, after = (slide_numbers(c, contacts) for c in (clip, moved, clean))
+    assert before["slide_speed"] > source["slide_speed"] + 0.01
+    assert after["slide_speed"] < source["slide_speed"] + 0.02
+    assert after["drift"] < source["drift"] + 0.01
+    assert after["foot_depth"] < max(0.005, source["foot_depth"] + 1e-6)
+    assert fastest(clean) < 1.5 * fastest(clip)
+    for frame in ends:
+        assert (clean.rotations[frame] - moved.rotations[frame]).abs().max() < 1e-6
+        assert (clean.root_position[frame] - moved.root_position[frame]).abs().max() < 1e-9
+    # Only legs move, and the root up and down.
+    legs = {joint for leg in contacts.legs for joint in (leg.hip, leg.knee, leg.ankle) if joint is not None}
+    others = [joint for joint in range(len(clip.skeleton.names)) if joint not in legs]
+    assert torch.equal(clean.rotations[:, others], moved.rotations[:, others])
+    assert torch.equal(clean.root_position[:, [0, 2]], moved.root_position[:, [0, 2]])
+
+
+@pytest.mark.parametrize("name", CLIPS)
+def test_cleaning_again_changes_nothing(name: str) -> None:
+    clip = clip_of(name)
+    contacts = contacts_of(clip)
+    moved = edited(clip, "aside", 90.0)
+    once = clean_feet(clip, moved, contacts.legs, contacts, (0, clip.frames - 1))
+    assert difference(clean_feet(clip, once, contacts.legs, contacts, (0, clip.frames - 1)), once) < 2e-6
+
+
+def test_a_leg_that_is_too_short_lowers_the_root_for_a_while() -> None:
+    clip = mocap("walk_straight_snu_30hz")
+    contacts = contacts_of(clip)
+    moved = edited(clip, "aside", None)
+    clean = clean_feet(clip, moved, contacts.legs, contacts)
+    lowered = (moved.root_position - clean.root_position)[:, 1]
+    assert 0.01 < float(lowered.max()) < 0.15
+    assert float(lowered.min()) > -1e-9
+    assert float(lowered.diff().abs().max()) / clip.frame_time < 1.0

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from hopdiff.editing.legs import Leg, facing, find_legs
+from hopdiff.geometry.rotation import axis_rotation
+from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.types import HopdiffError
+from tests.editing.walks import mocap, stride
+
+PARTS = ("hip", "knee", "ankle", "toe")
+# How some makers call root, left and right hip, knee, ankle and toe.
+MAKES = {
+    "motionbuilder": (
+        "Hips",
+        *(f"{side}{part}" for side in ("Left", "Right") for part in ("UpLeg", "Leg", "Foot", "ToeBase")),
+    ),
+    "mixamo": (
+        "mixamorig:Hips",
+        *(f"mixamorig:{side}{part}" for side in ("Left", "Right") for part in ("UpLeg", "Leg", "Foot", "ToeBase")),
+    ),
+    "unreal": ("pelvis", *(f"{part}_{side}" for side in "lr" for part in ("thigh", "calf", "foot", "ball"))),
+    "biped": ("Bip01", *(f"Bip01 {side} {part}" for side in "LR" for part in ("Thigh", "Calf", "Foot", "Toe"))),
+    "blender": ("root", *(f"{part}.{side}" for side in "LR" for part in ("thigh", "shin", "foot", "toe"))),
+    "plain": ("root", *(f"{side}_{part}" for side in ("left", "right") for part in PARTS)),
+    "nonsense": ("a", *"bcdefghi"),
+}
+
+
+def skeleton(names: tuple[str, ...], toes: bool = True, turned: float = 0.0) -> Skeleton:
+    """A root with two legs."""
+    legs = []
+    for side in (0.1, -0.1):
+        legs += [[side, -0.05, 0.0], [0.0, -0.4, 0.0], [0.0, -0.4, 0.0], [0.0, -0.05, 0.12]]
+    offsets = torch.tensor([[0.0, 0.9, 0.0], *legs], dtype=torch.float64)
+    parents = (-1, 0, 1, 2, 3, 0, 5, 6, 7)
+    keep = [i for i in range(9) if toes or i not in (4, 8)]
+    number = {old: new for new, old in enumerate(keep)}
+    offsets = offsets @ axis_rotation("Y", torch.tensor(turned, dtype=torch.float64)).T
+    return Skeleton(
+        tuple(names[i] for i in keep),
+        tuple(-1 if parents[i] < 0 else number[parents[i]] for i in keep),
+        offsets[keep],
+    )
+
+
+@pytest.mark.parametrize("make", MAKES)
+def test_legs_are_found_whatever_they_are_called(make: str) -> None:
+    assert find_legs(skeleton(MAKES[make])) == (Leg("left", 1, 2, 3, 4), Leg("right", 5, 6, 7, 8))
+
+
+@pytest.mark.parametrize("make", MAKES)
+def test_they_need_no_toes(make: str) -> None:
+    assert find_legs(skeleton(MAKES[make], toes=False)) == (Leg("left", 1, 2, 3, None), Leg("right", 4, 5, 6, None))
+
+
+def test_a_run_of_our_own_stands_on_the_ends_of_its_shanks() -> None:
+    body = stride().skeleton
+    legs = find_legs(body)
+    assert [(leg.side, body.names[leg.hip], body.names[leg.knee], leg.ankle) for leg in legs] == [
+        ("left", "left_hip", "left_knee", None),
+        ("right", "right_hip", "right_knee", None),
+    ]
+
+
+@pytest.mark.parametrize("name", ["walk_straight_cmu_07_01", "walk_straight_snu_30hz", "wander_snu_93s_30hz"])
+def test_captured_skeletons(name: str) -> None:
+    body = mocap(name).skeleton
+    for leg in find_legs(body):
+        names = [body.names[i] for i in (leg.hip, leg.knee, leg.ankle) if i is not None]
+        assert names == [f"{leg.side.capitalize()}{part}" for part in ("UpLeg", "Leg", "Foot")]
+
+
+@pytest.mark.parametrize("turned", [0.0, 1.0, -2.5])
+def test_the_rest_pose_faces_across_its_hips(turned: float) -> None:
+    body = skeleton(MAKES["plain"], turned=turned)
+    assert math.remainder(facing(body, find_legs(body)) - turned, math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_thing_without_legs_has_none() -> None:
+    offsets = torch.tensor([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]], dtype=torch.float64)
+    snake = Skeleton(("a", "b", "c"), (-1, 0, 1), offsets)
+    assert find_legs(snake) == ()
+    assert facing(snake, ()) == 0.0
+
+
+def test_joints_can_be_named() -> None:
+    names = MAKES["nonsense"]
+    joints = {
+        f"{side}_{part}": names[1 + k]
+        for k, (side, part) in enumerate((s, p) for s in ("left", "right") for p in PARTS)
+    }
+    assert find_legs(skeleton(names), joints) == (Leg("left", 1, 2, 3, 4), Leg("right", 5, 6, 7, 8))
+    short = {role: name for role, name in joints.items() if not role.endswith(("toe", "ankle"))}
+    assert find_legs(skeleton(names), short) == (Leg("left", 1, 2, None, None), Leg("right", 5, 6, None, None))
+
+
+@pytest.mark.parametrize(
+    ("joints", "said"),
+    [
+        ({"left_hips": "b"}, "unknown part 'left_hips'; known are left_hip, left_knee"),
+        ({"left_hip": "x"}, "edit.joints.left_hip: there is no joint 'x'"),
+        ({"left_hip": "b"}, "edit.joints needs left_knee, the name of a joint."),
+        ({"left_hip": "c", "left_knee": "b", "right_hip": "f", "right_knee": "g"}, "'b' does not hang on 'c'"),
+    ],
+)
+def test_a_wrong_map_is_told(joints: dict[str, str], said: str) -> None:
+    with pytest.raises(HopdiffError) as caught:
+        find_legs(skeleton(MAKES["nonsense"]), joints)
+    assert said in str(caught.value)
