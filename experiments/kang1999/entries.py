@@ -2,44 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
+from experiments.gallery import Entry, Gallery, Shot
 from experiments.kang1999 import seen
-from experiments.kang1999.seen import Numbers
-
-
-@dataclass(frozen=True)
-class Shot:
-    """One command and the picture that is taken from its run folder.
-
-    overrides: what follows `python -m hopdiff`; "{NAME}" stands for the run folder of another shot of the gallery.
-    picture: file in the run folder, None for a shot of which only the numbers are used; a pattern such as
-    "*/strip.png" puts the pictures of a sweep below each other. width: in the gallery.
-    """
-
-    name: str
-    overrides: tuple[str, ...]
-    caption: str
-    picture: str | None = "strip.png"
-    width: int = 900
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A figure of the thesis. thesis: what it shows; seen: what ours measures; differs: where and why ours does.
-
-    seen gets the metrics of the gallery's shots by name.
-    """
-
-    figure: str
-    title: str
-    thesis: str
-    shots: tuple[Shot, ...]
-    seen: Callable[[Numbers], str]
-    differs: str = ""
-    table: tuple[tuple[str, str, str], ...] = ()  # metric, heading, format: a column each
 
 
 def experiment(name: str, *more: str) -> tuple[str, ...]:
@@ -255,3 +222,18 @@ ENTRIES: tuple[Entry, ...] = (
         " the rest of hopdiff's own objective (posture, arms) that has some use for it.",
     ),
 )
+
+HEAD = """# Kang (1999), figure by figure
+
+Every figure and use of Young-Min Kang's thesis, made again with hopdiff: what it took, what the thesis shows, what
+comes out here, and where the two differ. Written by `python -m experiments.kang1999` from the run folders that it
+makes; edit `entries.py`, not this page. Each command stands under its picture and works by itself; the settings are in
+`conf/experiment/kang1999/`.
+
+`model=thesis` steps the equations as printed, with the misprints put right; beside it, where both apply, stands
+`model=smooth`, the same ideas made periodic and differentiable. The thesis leaves open the vertical speed at
+touchdown, the path of the swinging leg, the masses of the body and which numbers its search was free to choose, and
+prints no table: its pictures cannot be met line by line, only in what they show.
+"""
+
+GALLERY = Gallery("kang1999", HEAD, "The thesis", ENTRIES, Path(__file__).parent)

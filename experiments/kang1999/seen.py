@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from statistics import median
-from typing import Any
 
-Numbers = Mapping[str, Mapping[str, Any]]  # shot name -> what its metrics.json holds
+from experiments.gallery import Numbers
 
 
 def body(numbers: Numbers) -> str:

@@ -1,0 +1,196 @@
+"""Galleries: pages of pictures and numbers, each made by one command whose run folder is kept."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+from tqdm import tqdm
+
+from experiments.report import markdown, read_table, words
+
+Numbers = Mapping[str, Mapping[str, Any]]  # shot name -> what its metrics.json holds
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One command and the picture that is taken from its run folder.
+
+    overrides: what follows `python -m hopdiff`; "{NAME}" stands for the run folder of another shot of the gallery.
+    picture: file in the run folder, None for a shot of which only the numbers are used; a pattern such as
+    "*/strip.png" puts the pictures of a sweep below each other. width: in the gallery.
+    """
+
+    name: str
+    overrides: tuple[str, ...]
+    caption: str
+    picture: str | None = "strip.png"
+    width: int = 900
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A figure. shows: what the original shows; seen: what ours measures; differs: where and why ours does.
+
+    seen gets the metrics of the gallery's shots by name.
+    """
+
+    figure: str
+    title: str
+    shows: str
+    shots: tuple[Shot, ...]
+    seen: Callable[[Numbers], str]
+    differs: str = ""
+    table: tuple[tuple[str, str, str], ...] = ()  # metric, heading, format: a column each
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """name: the module, and the folder below outputs/ of its run folders. head: of the page; source: what it shows."""
+
+    name: str
+    head: str
+    source: str
+    entries: tuple[Entry, ...]
+    home: Path
+
+    @property
+    def runs(self) -> Path:
+        return Path("outputs") / self.name
+
+
+def build(gallery: Gallery, arguments: Sequence[str] | None = None) -> None:
+    """The command line of a gallery: makes the runs that lack, then README.md and pictures/."""
+    parser = argparse.ArgumentParser(
+        prog=f"python -m experiments.{gallery.name}",
+        description="Build the gallery: makes the runs that lack, then README.md and pictures/.",
+    )
+    parser.add_argument("--figures", type=words, help="only these, such as 3.4,5.1; the gallery then holds no others")
+    parser.add_argument("--runs", type=Path, default=gallery.runs, help="folder of the runs; finished ones are kept")
+    parser.add_argument("--out", type=Path, default=gallery.home, help="folder of the gallery")
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="settings put to every command")
+    given = parser.parse_args(arguments)
+    entries = [entry for entry in gallery.entries if not given.figures or entry.figure in given.figures]
+    if unknown := set(given.figures or ()) - {entry.figure for entry in entries}:
+        known = ", ".join(entry.figure for entry in gallery.entries)
+        parser.error(f"no figure {', '.join(sorted(unknown))}; there are {known}")
+    folders: dict[str, Path] = {}
+    for shot in tqdm([shot for entry in entries for shot in entry.shots], unit="run", disable=None):
+        folders[shot.name] = make(shot, given.runs, given.set)
+    write_gallery(given.out, gallery, entries, folders)
+    print(f"{len(entries)} figures from {len(folders)} commands: {given.out / 'README.md'}")
+
+
+def make(shot: Shot, runs: Path, settings: Sequence[str] = ()) -> Path:
+    """The run folder of a shot; runs its command unless it is there and whole."""
+    folder = runs / shot.name
+    if not (folder / "done").is_file():
+        overrides = [word.format_map(_Folders(runs)) for word in shot.overrides]
+        places = [f"hydra.run.dir={folder}", f"hydra.sweep.dir={folder}"]
+        command = [sys.executable, "-m", "hopdiff", *overrides, *settings, *places]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            sys.exit(f"{shot.name}: python -m hopdiff {' '.join(overrides)}\n{done.stderr.strip()}")
+        (folder / "summary.txt").write_text(done.stdout, encoding="utf-8")
+        (folder / "done").touch()
+    return folder
+
+
+class _Folders(dict[str, str]):
+    """The run folder of a shot by its name."""
+
+    def __init__(self, runs: Path) -> None:
+        self.runs = runs
+
+    def __missing__(self, name: str) -> str:
+        return str(self.runs / name)
+
+
+def write_gallery(out: Path, gallery: Gallery, entries: Sequence[Entry], folders: Mapping[str, Path]) -> None:
+    """Write README.md and pictures/ into a folder. folders: run folder by shot."""
+    (out / "pictures").mkdir(parents=True, exist_ok=True)
+    numbers = {name: read_numbers(folder) for name, folder in folders.items()}
+    parts = [gallery.head, "\n".join(f"- [{e.figure} {e.title}](#{anchor(e)})" for e in entries)]
+    for entry in entries:
+        for shot in entry.shots:
+            if shot.picture:
+                found = sorted(folders[shot.name].glob(shot.picture))
+                shrink(found, out / "pictures" / f"{shot.name}.png", shot.width)
+        parts.append(section(gallery, entry, {shot.name: numbers[shot.name] for shot in entry.shots}))
+    (out / "README.md").write_text("\n\n".join(part.strip() for part in parts) + "\n", encoding="utf-8")
+
+
+def read_numbers(folder: Path) -> dict[str, Any]:
+    """metrics.json of a run; of a sweep the rows of its comparison, as {"rows": [...]}."""
+    if (folder / "metrics.json").is_file():
+        numbers: dict[str, Any] = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+        return numbers
+    return {"rows": read_table(folder / "compare" / "compare.csv")}
+
+
+def anchor(entry: Entry) -> str:
+    """What a Markdown page makes of the entry's heading."""
+    heading = f"{entry.figure} {entry.title}".lower()
+    return "".join(c for c in heading if c.isalnum() or c in " -").replace(" ", "-")
+
+
+def section(gallery: Gallery, entry: Entry, numbers: Mapping[str, Mapping[str, Any]]) -> str:
+    parts = [f"## {entry.figure} {entry.title}"]
+    for shot in entry.shots:
+        if shot.picture:
+            parts.append(f"![{shot.caption}](pictures/{shot.name}.png)")
+        parts.append(f"{shot.caption}\n\n```\n{command(gallery, shot)}\n```")
+    parts.append(f"**{gallery.source}:** {entry.shows}")
+    parts.append(f"**Here:** {entry.seen(numbers)}")
+    if entry.table:
+        parts.append(table(entry, numbers))
+    if entry.differs:
+        parts.append(f"**Different:** {entry.differs}")
+    return "\n\n".join(part.strip() for part in parts)
+
+
+def command(gallery: Gallery, shot: Shot) -> str:
+    """The command as a reader would type it."""
+    overrides = [word.replace("{", f"{gallery.runs}/").replace("}", "") for word in shot.overrides]
+    return " ".join(("python -m hopdiff", *(f"'{word}'" if "[" in word or " " in word else word for word in overrides)))
+
+
+def table(entry: Entry, numbers: Mapping[str, Mapping[str, Any]]) -> str:
+    """A row for every single run among the shots."""
+    rows = [
+        [shot.name, *(_cell(numbers[shot.name].get(metric), form) for metric, _, form in entry.table)]
+        for shot in entry.shots
+        if "rows" not in numbers[shot.name]
+    ]
+    return markdown(["run", *(heading for _, heading, _ in entry.table)], rows)
+
+
+def _cell(value: Any, form: str) -> str:
+    return "-" if value is None else format(value, form)
+
+
+def shrink(sources: Sequence[Path], target: Path, width: int) -> None:
+    """Pictures made smaller, for a page, one below the other."""
+    pictures = []
+    for source in sources:
+        with Image.open(source) as image:
+            picture = image.convert("RGB")
+        if picture.width > width:
+            height = round(picture.height * width / picture.width)
+            picture = picture.resize((width, height), Image.Resampling.LANCZOS)
+        pictures.append(picture)
+    sheet = Image.new("RGB", (max(p.width for p in pictures), sum(p.height for p in pictures)), "white")
+    top = 0
+    for picture in pictures:
+        sheet.paste(picture, (0, top))
+        top += picture.height
+    # The octree keeps thin lines of different colours apart, which the other palettes merge.
+    palette = sheet.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    palette.save(target, optimize=True)
