@@ -27,6 +27,7 @@ from hopdiff.problem import RunProblem
 from hopdiff.search import SEARCHES
 from hopdiff.search.base import Search
 from hopdiff.search.loop import Budget
+from hopdiff.tasks.edit_request import EditSettings, Request, TargetSettings, request_of
 from hopdiff.tasks.hopper import HopperSettings
 from hopdiff.tasks.job import Job
 from hopdiff.tasks.path import PathSettings, Route, plan
@@ -34,6 +35,8 @@ from hopdiff.types import HopdiffError
 
 DTYPES = {"float32": torch.float32, "float64": torch.float64}
 MAX_FPS = 10_000.0
+# What settings with names of the user's own begin with.
+NEW = ("search.", "genes.fixed.", "genes.fixed=", "edit.joints.", "edit.joints=")
 
 # Hydra 1.4 drops the argument that 1.3 asks for.
 HYDRA_BASE: dict[str, Any] = {"version_base": None} if hydra.__version__ < "1.4" else {}
@@ -82,6 +85,10 @@ class Config:
     genes: GeneSettings = field(default_factory=GeneSettings)
     limp: LimpSettings = field(default_factory=LimpSettings)
     path: PathSettings = field(default_factory=PathSettings)
+    clip: str | None = None
+    target: TargetSettings = field(default_factory=TargetSettings)
+    constraints: list[Any] = field(default_factory=list)
+    edit: EditSettings = field(default_factory=EditSettings)
     hopper: HopperSettings = field(default_factory=HopperSettings)
 
 
@@ -89,14 +96,14 @@ def with_new_names(words: Sequence[str]) -> list[str]:
     """Words of the command line, those marked "++" whose settings need not be there before they are set.
 
     A sweep is first composed with the default search, which need not have the setting of another; `build_search`
-    checks it. No gene is fixed until the user names one; `GeneTable.build` checks that.
+    checks it. No gene is fixed, and no joint named, until the user does; `GeneTable.build` and `find_legs` check that.
     """
-    return [f"++{word}" if word.startswith(("search.", "genes.fixed.", "genes.fixed=")) else word for word in words]
+    return [f"++{word}" if word.startswith(NEW) else word for word in words]
 
 
 def as_typed(text: str) -> str:
     """A message without the marks of `with_new_names`."""
-    return re.sub(r"\+\+(?=search\.|genes\.fixed)", "", text)
+    return re.sub(r"\+\+(?=search\.|genes\.fixed|edit\.joints)", "", text)
 
 
 @cache
@@ -224,6 +231,13 @@ def build_route(config: DictConfig) -> Route:
     character = build_character(config)
     settings = checked(config)
     return plan(settings.path, character.leg_length, character.name, settings.fps)
+
+
+def build_request(config: DictConfig) -> tuple[Request, EditSettings]:
+    """What an edit is asked for, and how. Raises HopdiffError, naming the setting."""
+    settings = checked(config)
+    settings.edit.check()
+    return request_of(settings.target, settings.constraints, settings.path), settings.edit
 
 
 def check_numbers(settings: Config) -> None:

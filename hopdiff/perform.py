@@ -9,11 +9,12 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 
 from hopdiff.character import Character
-from hopdiff.config import build_character, build_job, build_route, checked, plain_settings, with_saved
+from hopdiff.config import build_character, build_job, build_request, build_route, checked, plain_settings, with_saved
 from hopdiff.io.genes_file import GenesFile, read_genes
 from hopdiff.messages import choose
 from hopdiff.tasks.body import body
 from hopdiff.tasks.compare import compare
+from hopdiff.tasks.edit import run_edit
 from hopdiff.tasks.hopper import hopper
 from hopdiff.tasks.job import threads
 from hopdiff.tasks.path import run_path
@@ -21,7 +22,7 @@ from hopdiff.tasks.replay import replay
 from hopdiff.tasks.run import run
 from hopdiff.types import HopdiffError
 
-TASKS = ("run", "replay", "compare", "path", "hopper", "body")
+TASKS = ("run", "replay", "compare", "path", "edit", "hopper", "body")
 
 
 def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
@@ -59,6 +60,12 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
             path_job = build_job(config)
             with threads(path_job.threads):
                 return run_path(path_job, route, folder, list(command))
+        case "edit":
+            request, how = build_request(config)
+            settings = checked(config)
+            with threads(settings.threads):
+                clip = settings.clip or build_job(config)
+                return run_edit(clip, request, how, plain_settings(config), folder, list(command))
         case "hopper":
             settings = checked(config)
             with threads(settings.threads):

@@ -15,8 +15,9 @@ from hopdiff.io.files import whole_file
 from hopdiff.motion import Motion
 from hopdiff.plots import style
 from hopdiff.plots.body import Array, Body
+from hopdiff.plots.ground import ground_points, shadow
 from hopdiff.plots.poses import sample
-from hopdiff.plots.scene import Footprint, footprints, ground_points, ground_track, shadow, side_camera
+from hopdiff.plots.scene import Footprint, footprints, ground_track, side_camera
 from hopdiff.plots.strip import EDGE, FILL
 from hopdiff.plots.view import Camera
 

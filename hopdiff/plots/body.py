@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull
 
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.plots.joints import points_of, side_of
 from hopdiff.plots.view import Array, Camera
 
 # Half thickness along a limb or the trunk, in limb or trunk lengths, at 0, 1/2 and 1 of the way.
@@ -69,11 +70,7 @@ class Body:
 
     def points(self, clip: Clip) -> Array:
         """(T, J + E, 3) world positions of the joints and, after them, the end sites [m]."""
-        positions, orientations = clip.forward()
-        ends = clip.skeleton.end_positions(positions, orientations)
-        tracks = [positions.detach().cpu().double().numpy()]
-        tracks += [ends[name].detach().cpu().double().numpy()[:, None] for name in self.end_names]
-        return np.concatenate(tracks, axis=1)
+        return points_of(clip)
 
     def parts(self, points: Array, camera: Camera | None = None) -> list[Part]:
         """The shapes of one pose. points: (J + E, 3).
@@ -125,12 +122,6 @@ class Body:
         flat = points[:, [2, 1]]
         bones = (bone for bone in self._bones if bone.side == side and (arms or bone.kind != "arm"))
         return [np.stack((flat[bone.start], flat[bone.end])) for bone in bones]
-
-
-def side_of(name: str) -> str:
-    """ "left" or "right" as a joint's name says, otherwise "middle"."""
-    lowered = name.lower()
-    return "left" if "left" in lowered else "right" if "right" in lowered else "middle"
 
 
 def capsule(start: Array, end: Array, radius_start: float, radius_end: float, corners: int = 12) -> Array:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
-from torch import Tensor
 
 from hopdiff.motion import SIDES, Motion
 from hopdiff.plots import style
-from hopdiff.plots.body import Array
+from hopdiff.plots.view import Array, numbers
 
 _SCALE = {True: 1.0, False: 100.0}  # sideways in metres, or in centimetres where it is drawn larger
 
@@ -23,8 +22,8 @@ def com_track_figure(motion: Motion, strides: int = 2, equal: bool = False) -> F
     scale = _SCALE[equal]
     rounds = max(1, -(-strides // held_strides(motion)))
     end = _end(motion, strides) if rounds == 1 else float(motion.times[-1])
-    keep = _numbers(motion.times) <= end + 1e-9
-    root = _numbers(motion.clip.root_position)
+    keep = numbers(motion.times) <= end + 1e-9
+    root = numbers(motion.clip.root_position)
     travel = root[-1] - root[0]
     figure = style.new_figure(11.0, 4.2, "Centre of mass from above")
     axes = style.tidy(figure.add_subplot())
@@ -32,7 +31,7 @@ def com_track_figure(motion: Motion, strides: int = 2, equal: bool = False) -> F
         ("target", motion.com_target, "--", style.GROUND),
         ("actual", motion.com, "-", style.INK),
     ):
-        path = np.concatenate([_numbers(track)[keep] + k * travel for k in range(rounds)])
+        path = np.concatenate([numbers(track)[keep] + k * travel for k in range(rounds)])
         axes.plot(path[:, 2], scale * path[:, 0], line, color=colour, linewidth=1.8, label=name)
     for side, name in enumerate(SIDES):
         places = [place + k * travel for k in range(rounds) for place in _touchdowns(motion, side, end)]
@@ -66,15 +65,11 @@ def _end(motion: Motion, strides: int) -> float:
 def _touchdowns(motion: Motion, side: int, end: float) -> list[Array]:
     """Where a foot (0 left, 1 right) stands (3,) [m] in the first frame of each of its stances that begins before
     `end`; a stance without a frame leaves none."""
-    times, feet = _numbers(motion.times), _numbers(motion.feet)[:, side]
-    contact = _numbers(motion.contact)[:, side] > 0
+    times, feet = numbers(motion.times), numbers(motion.feet)[:, side]
+    contact = numbers(motion.contact)[:, side] > 0
     found = []
     for phase in motion.phases:
         if phase.kind == "stance" and phase.side == SIDES[side] and phase.start < end - 1e-9:
             frames = np.flatnonzero(contact & (times >= phase.start - 1e-9) & (times <= phase.end + 1e-9))
             found += [feet[frame] for frame in frames[:1]]
     return found
-
-
-def _numbers(values: Tensor) -> Array:
-    return np.asarray(values.detach().cpu().double().numpy())

@@ -6,35 +6,29 @@ import math
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike
 
 from hopdiff.motion import SIDES, Motion
 from hopdiff.plots import style
 from hopdiff.plots.body import Body
-from hopdiff.plots.poses import sample
-from hopdiff.plots.scene import (
-    FOOT,
-    Footprint,
-    draw_seen,
-    footprints,
+from hopdiff.plots.ground import (
+    ELEVATION,
+    FLAT,
+    LONGEST,
+    draw_shadows,
     ground_points,
-    ground_track,
-    shadow,
-    side_camera,
-    spacing,
+    map_axes,
+    map_window,
+    oblique_page,
 )
+from hopdiff.plots.poses import sample
+from hopdiff.plots.scene import FOOT, Footprint, draw_seen, footprints, ground_track, side_camera
 from hopdiff.plots.view import Array, Camera
 
-ELEVATION = math.radians(30.0)  # of the oblique view
-_LONGEST = 8.0  # inches of the longer side of a plan
-_MARGIN = 0.6  # metres of ground around everything, at least
 _SHORTEST_PRINT = 0.11  # inches
 _MOST = 48  # figures in an oblique view, unless told
-_WIDTH = 13.0  # inches of an oblique view
-_ROOM = 0.75  # inches around it, for the numbers on the ground
 _COM = style.SERIES[2]  # as in the other pictures
 _WANTED = style.SERIES[6]
 
@@ -54,17 +48,12 @@ def path_figure(motion: Motion, points: ArrayLike, curve: ArrayLike | None = Non
     ground = np.concatenate(
         [crosses, path[:, [0, 2]], root[:, [0, 2]], com[:, [0, 2]], *(step.place[None, [0, 2]] for step in prints)]
     )
-    low, high = _window(ground)
+    low, high = map_window(ground)
     wide, tall = high - low
-    scale = _LONGEST / max(wide, tall)  # inches in a metre
+    scale = LONGEST / max(wide, tall)  # inches in a metre
     figure = style.new_figure(max(5.5, scale * wide + 1.2), scale * tall + 1.8, title or _caption(motion, path))
-    axes = style.tidy(figure.add_subplot())
-    axes.set(xlim=(high[0], low[0]), ylim=(low[1], high[1]), aspect="equal")
-    axes.set_xlabel("x, to the left [m]")
-    axes.set_ylabel("z [m]")
-    step = spacing(max(wide, tall))
-    axes.xaxis.set_major_locator(MultipleLocator(step))
-    axes.yaxis.set_major_locator(MultipleLocator(step))
+    axes = figure.add_subplot()
+    map_axes(axes, low, high)
 
     if len(path):
         axes.plot(path[:, 0], path[:, 2], color=_WANTED, linewidth=1.0, linestyle=(0, (5, 3)), zorder=2.5, label="path")
@@ -98,32 +87,12 @@ def oblique_figure(motion: Motion, count: int | None = None, curve: ArrayLike | 
     prints = footprints(motion)
     path = ground_points(curve)
     track = path if len(path) else ground_track(motion)[0]
-    flat = poses * np.array([1.0, 0.0, 1.0])
-    ground = np.concatenate([flat.reshape(-1, 3), track, *(step.outline() for step in prints)])[:, [0, 2]]
-    step = max(1.0, spacing(float(np.ptp(ground, axis=0).max()), 30))
-    low = step * np.floor((ground.min(axis=0) - 0.2) / step)
-    high = step * np.ceil((ground.max(axis=0) + 0.2) / step)
-
-    seen = np.concatenate([camera.project(poses).reshape(-1, 3), camera.project(_corners(low, high))])[:, :2]
-    room = _ROOM * float(np.ptp(seen[:, 0])) / (_WIDTH - 2 * _ROOM)
-    left, bottom = seen.min(axis=0) - room
-    right, top = seen.max(axis=0) + np.array([room, 0.3 * room])
-    head = 0.45  # inches
-    height = _WIDTH * (top - bottom) / (right - left)
-    figure = style.new_figure(_WIDTH, height + head, layout=None)
-    line = 1 - 0.5 * head / (height + head)
-    figure.text(
-        0.02, line, title or _caption(motion, path), va="center", fontsize=13, fontweight="bold", color=style.INK
-    )
-    note = f"seen from {math.degrees(ELEVATION):.0f} degrees above; grid {step:g} m"
-    figure.text(0.98, line, note, ha="right", va="center", fontsize=9, color=style.GROUND)
-    axes = figure.add_axes((0.0, 0.0, 1.0, height / (height + head)))
-    axes.set(xlim=(left, right), ylim=(bottom, top))
-    axes.axis("off")
-    _floor(axes, camera, low, high, step)
+    flat = (poses * FLAT).reshape(-1, 3)
+    ground = np.concatenate([flat, track, *(step.outline() for step in prints)])[:, [0, 2]]
+    figure, axes, scale = oblique_page(camera, poses, ground, title or _caption(motion, path))
     axes.plot(*camera.project(track)[:, :2].T, color=style.GROUND, linewidth=1.6, zorder=2)
-    _prints(axes, camera, prints, _larger(_WIDTH / (right - left)))
-    _shadows(axes, camera, poses)
+    _prints(axes, camera, prints, _larger(scale))
+    draw_shadows(axes, camera, poses)
     for order, pose in enumerate(poses[np.argsort(camera.nearness(poses[:, 0]))]):
         draw_seen(axes, body, pose, camera, order=3 + 0.01 * order)
     return figure
@@ -139,15 +108,6 @@ def _caption(motion: Motion, path: Array) -> str:
 def _larger(scale: float) -> float:
     """How much larger than life footprints are drawn, so that they can be seen; scale: inches in a metre."""
     return max(1.0, _SHORTEST_PRINT / (FOOT[0] * scale))
-
-
-def _window(ground: Array) -> tuple[Array, Array]:
-    """Corners (2,) of a window [m] around points (N, 2), neither too narrow nor too flat."""
-    low, high = ground.min(axis=0), ground.max(axis=0)
-    size = (high - low) + 2 * np.maximum(_MARGIN, 0.04 * (high - low).max())
-    size = np.maximum(size, np.array([0.4, 0.35]) * size[::-1])
-    middle = (low + high) / 2
-    return middle - size / 2, middle + size / 2
 
 
 def _directions(axes: Axes, motion: Motion) -> None:
@@ -170,58 +130,7 @@ def _moments(motion: Motion) -> Array:
     return middles[:: math.ceil(len(middles) / _MOST) | 1]
 
 
-def _corners(low: Array, high: Array) -> Array:
-    return np.array([(x, 0.0, z) for x in (low[0], high[0]) for z in (low[1], high[1])])
-
-
-def _floor(axes: Axes, camera: Camera, low: Array, high: Array, step: float) -> None:
-    """The ground: a pale sheet with lines every `step` metres, numbered along the two edges near the viewer."""
-    corners = camera.project(_corners(low, high)[[0, 1, 3, 2]])[:, :2]
-    axes.add_collection(PolyCollection([corners], facecolors="#F7F8FA", zorder=0.5), autolim=False)
-    lines = []
-    for axis, other in ((0, 1), (1, 0)):
-        near, far = _edges(camera, low, high, other)
-        first, _ = _edges(camera, low, high, axis)
-        out = camera.project(np.eye(3)[2 * other] * np.sign(near - far))[:2]
-        out /= np.hypot(*out)
-        ticks = np.arange(low[axis], high[axis] + 0.5 * step, step)
-        every = spacing(float(np.ptp(ticks)), 12)
-        texts = [((low[axis] + high[axis]) / 2, f"{'xz'[axis]} [m]", 30.0 + 10.0 * abs(out[0]))]
-        for tick in ticks:
-            ends = np.zeros((2, 3))
-            ends[:, 2 * axis] = tick
-            ends[:, 2 * other] = low[other], high[other]
-            lines.append(camera.project(ends)[:, :2])
-            if math.isclose(tick / every, round(tick / every), abs_tol=1e-6) and tick != first:
-                texts.append((tick, f"{tick:g}", 13.0))
-        for value, text, away in texts:
-            place = np.zeros(3)
-            place[[2 * axis, 2 * other]] = value, near
-            axes.annotate(
-                text,
-                tuple(camera.project(place)[:2]),
-                tuple(away * out),
-                textcoords="offset points",
-                ha="center",
-                va="center",
-                fontsize=9,
-                color=style.GROUND,
-            )
-    axes.add_collection(LineCollection(lines, colors=style.FAINT, linewidths=0.8, zorder=1), autolim=False)
-
-
-def _edges(camera: Camera, low: Array, high: Array, axis: int) -> tuple[float, float]:
-    """The nearer and the farther end of the ground along x (axis 0) or z (1) [m]."""
-    near = camera.nearness(np.eye(3)[2 * axis]) > 0
-    return (high[axis], low[axis]) if near else (low[axis], high[axis])
-
-
 def _prints(axes: Axes, camera: Camera, prints: list[Footprint], larger: float) -> None:
     outlines = [camera.project(step.outline(larger))[:, :2] for step in prints]
     colours = [style.SIDE_COLOURS[step.side] for step in prints]
     axes.add_collection(PolyCollection(outlines, facecolors=colours, linewidths=0, zorder=2.5), autolim=False)
-
-
-def _shadows(axes: Axes, camera: Camera, poses: Array) -> None:
-    outlines = [camera.project(shadow(pose))[:, :2] for pose in poses]
-    axes.add_collection(PolyCollection(outlines, facecolors="#DDE0E7", linewidths=0, zorder=1.5), autolim=False)

@@ -1,23 +1,21 @@
-"""What the pictures of a run over the ground share: figures seen by a camera, headings, footprints, the grid."""
+"""What the pictures of a run over the ground share: figures seen by a camera, headings, footprints."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from numpy.typing import ArrayLike
 
 from hopdiff.motion import Motion
 from hopdiff.plots.body import Body
+from hopdiff.plots.ground import BESIDE, camera_beside, on_ground
 from hopdiff.plots.poses import contact_points
 from hopdiff.plots.strip import EDGE, FILL
 from hopdiff.plots.view import Array, Camera
 
 FOOT = (0.26, 0.10)  # length and width of a footprint [m]
-_SHADOW = 0.2  # radius [m]
 _GLANCE = 0.05  # seconds before and after a moment that tell where it heads
 
 
@@ -35,19 +33,6 @@ class Footprint:
         angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
         along, across = (0.5 * scale * size * f(angle) for size, f in zip(FOOT, (np.cos, np.sin), strict=True))
         return self.place + on_ground(along, across, self.heading)
-
-
-def on_ground(forward: Array, left: Array, heading: float | Array) -> Array:
-    """Steps (..., 3) on the ground for someone who looks along `heading` [rad]."""
-    x = forward * np.sin(heading) + left * np.cos(heading)
-    z = forward * np.cos(heading) - left * np.sin(heading)
-    return np.stack((x, np.zeros_like(x), z), axis=-1)
-
-
-def ground_points(points: ArrayLike | None) -> Array:
-    """Points [x, z] (L, 2) as points (L, 3) on the ground [m]; none without them."""
-    flat = np.asarray([] if points is None else points, dtype=float).reshape(-1, 2)
-    return np.stack((flat[:, 0], np.zeros(len(flat)), flat[:, 1]), axis=-1)
 
 
 def ground_track(motion: Motion) -> tuple[Array, Array]:
@@ -74,29 +59,10 @@ def footprints(motion: Motion) -> list[Footprint]:
     ]
 
 
-def shadow(pose: Array) -> Array:
-    """A disc (K, 3) on the ground below the root of a pose: it tells standing from flying."""
-    angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    disc = np.stack((np.cos(angle), np.zeros_like(angle), np.sin(angle)), axis=1)
-    return np.asarray(pose[0] * np.array([1.0, 0.0, 1.0]) + _SHADOW * disc)
-
-
-def side_camera(motion: Motion, elevation: float, turn: float = math.radians(-100.0)) -> Camera:
-    """A fixed camera above the run, placed by where the run gets farthest from its start.
-
-    turn: where it stands around someone who looks there; by default to the right of him and a little behind, so
-    that the run goes to the right.
-    """
+def side_camera(motion: Motion, elevation: float, turn: float = BESIDE) -> Camera:
+    """A fixed camera above a run; see `camera_beside`."""
     track, heading = ground_track(motion)
-    chord = track - track[0]
-    far = chord[np.argmax(np.hypot(chord[:, 0], chord[:, 2]))]
-    main = math.atan2(far[0], far[2]) if np.any(far) else float(heading[0])
-    return Camera(main + turn, elevation)
-
-
-def spacing(extent: float, most: int = 10) -> float:
-    """Metres between grid lines, a round number, so that at most about `most` of them lie in an extent [m]."""
-    return next((step for step in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if extent / step <= most), 100.0)
+    return camera_beside(track, float(heading[0]), elevation, turn)
 
 
 def draw_seen(axes: Axes, body: Body, pose: Array, camera: Camera, at: Array | None = None, order: float = 3.0) -> None:

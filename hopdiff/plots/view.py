@@ -1,4 +1,4 @@
-"""Cameras: from where a picture is seen."""
+"""Numbers of a picture, and cameras: from where it is seen."""
 
 from __future__ import annotations
 
@@ -6,9 +6,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
 
 Array = NDArray[np.float64]
+
+
+def numbers(values: Tensor | ArrayLike) -> Array:
+    """A tensor, wherever it is, or anything like an array, in float64."""
+    return np.asarray(values.detach().cpu() if isinstance(values, Tensor) else values, dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdiff.editing.follow import follow
-from hopdiff.editing.paper import PaperSettings
+from hopdiff.editing.paper import THETAS, PaperSettings
 from hopdiff.editing.root_path import RootPath
 from hopdiff.editing.solve import SolveSettings
-from hopdiff.editing.targets import Constraint
+from hopdiff.editing.targets import TURNS, Constraint
 from hopdiff.geometry.curve import PlaneCurve, curve_through
 from hopdiff.io.points import read_points
 from hopdiff.messages import choose, near
@@ -23,14 +23,26 @@ from hopdiff.types import HopdiffError
 
 VARIANTS = ("hopdiff", "paper")
 KEYS = ("frame", "position", "heading")
+# Without any wish: the whole way turned to the left about its start by an eighth of a turn.
+EIGHTH: Mapping[str, Any] = {
+    "frame": -1,
+    "position": (math.sqrt(0.5), math.sqrt(0.5) - 1.0),
+    "heading": math.pi / 4.0,
+    "relative": True,
+}
 
 
 @dataclass
 class TargetSettings:
-    """position: [x, z] of the last frame [m]. heading: degrees from +z towards +x, keep, or free."""
+    """position: [x, z] of the last frame [m]. heading: degrees from +z towards +x, keep, or free.
+
+    relative: whether both count from where the clip ends: position as [to the left, ahead] in shares of its net way,
+    seen along that, and heading as a turn to the left.
+    """
 
     position: list[Any] | None = None
     heading: Any = None
+    relative: bool = False
 
 
 @dataclass
@@ -56,20 +68,21 @@ class EditSettings:
     joints: dict[str, str] = field(default_factory=dict)
 
     def solver(self) -> SolveSettings:
-        """Of hopdiff's own solver. Raises HopdiffError, naming the setting, for a number out of its range."""
-        self._check()
+        """Of hopdiff's own solver."""
         weights = (self.side, self.ahead, self.turning, self.ridge, self.standing)
         alpha = SolveSettings.alpha if self.alpha is None else self.alpha
         return SolveSettings(alpha, self.epsilon, *weights)
 
     def paper(self) -> PaperSettings:
-        """Of the paper's solver. Raises as `solver` does."""
-        self._check()
+        """Of the paper's solver."""
         alpha = PaperSettings.alpha if self.alpha is None else self.alpha
         return PaperSettings(alpha=alpha, epsilon=self.epsilon, theta=self.theta, smooth=self.smooth)
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Raises HopdiffError, naming the setting, for a choice that there is not or a number out of its range."""
         choose("edit.variant", self.variant, VARIANTS)
+        choose("edit.turn", self.turn, TURNS)
+        choose("edit.theta", self.theta, THETAS)
         for name in ("alpha", "epsilon", "side", "ahead", "turning", "ridge", "standing"):
             value = getattr(self, name)
             if value is not None and not value > 0:
@@ -98,15 +111,16 @@ class Request:
         """
         if self.curve is not None:
             return follow(path, frame_time, self.curve)
-        wishes = self.wishes or (_turned(path),)
-        return None, [_constraint(wish, path.frames) for wish in wishes]
+        wishes = self.wishes or (EIGHTH,)
+        return None, [_constraint(wish, path) for wish in wishes]
 
 
 def request_of(target: TargetSettings, constraints: Sequence[Any], path: PathSettings) -> Request:
     """What the settings ask for. Raises HopdiffError, naming the setting, if that is nothing sensible."""
     wishes = [_wish(f"constraints[{k}]", one) for k, one in enumerate(constraints)]
     if target.position is not None or target.heading is not None:
-        wishes.append(_wish("target", {"frame": -1, "position": target.position, "heading": target.heading}))
+        wish = _wish("target", {"frame": -1, "position": target.position, "heading": target.heading})
+        wishes.append({**wish, "relative": target.relative})
     along = bool(path.points) or path.file is not None
     if along and wishes:
         raise HopdiffError("an edit follows either a path or target and constraints: give one of them.")
@@ -146,24 +160,23 @@ def _wish(where: str, wish: Any) -> Mapping[str, Any]:
     return {"frame": frame, "position": position, "heading": heading}
 
 
-def _constraint(wish: Mapping[str, Any], frames: int) -> Constraint:
-    frame, heading = wish["frame"], wish["heading"]
-    if not -frames <= frame < frames:
-        raise HopdiffError(
-            f"frame {frame} lies outside the clip, whose frames are 0 to {frames - 1} (or -1 for the last)."
-        )
+def _constraint(wish: Mapping[str, Any], path: RootPath) -> Constraint:
+    frame, place, heading = wish["frame"], wish["position"], wish["heading"]
+    if not -path.frames <= frame < path.frames:
+        last = path.frames - 1
+        raise HopdiffError(f"frame {frame} lies outside the clip, whose frames are 0 to {last} (-1 for the last).")
     yaw = heading if isinstance(heading, float) else None
-    return Constraint(frame % frames, wish["position"], yaw, keep=heading == "keep")
+    if wish.get("relative", False):
+        yaw = None if yaw is None else yaw + float(path.yaw[frame])
+        place = None if place is None else _beside(path, *place)
+    return Constraint(frame % path.frames, place, yaw, keep=heading == "keep")
 
 
-def _turned(path: RootPath) -> Mapping[str, Any]:
-    """The end of a path turned to the left about its start by an eighth of a turn."""
-    way = path.place[-1] - path.place[0]
-    angle = math.pi / 4.0
-    c, s = math.cos(angle), math.sin(angle)
-    x, z = (float(value) for value in way)
-    x, z = c * x + s * z + float(path.place[0, 0]), c * z - s * x + float(path.place[0, 1])
-    return {"frame": -1, "position": (x, z), "heading": float(path.yaw[-1]) + angle}
+def _beside(path: RootPath, left: float, ahead: float) -> tuple[float, float]:
+    """A place to the left and ahead of the end of a path, in shares of its net way."""
+    x, z = (path.place[-1] - path.place[0]).tolist()
+    end_x, end_z = path.place[-1].tolist()
+    return end_x + ahead * x + left * z, end_z + ahead * z - left * x
 
 
 def _is_number(value: Any) -> bool:

@@ -16,9 +16,10 @@ from hopdiff.motion import Motion
 from hopdiff.plots import style
 from hopdiff.plots.animation import write_path_gif
 from hopdiff.plots.body import Body
-from hopdiff.plots.path import ELEVATION, oblique_figure, path_figure
+from hopdiff.plots.ground import ELEVATION, spacing
+from hopdiff.plots.path import oblique_figure, path_figure
 from hopdiff.plots.poses import sample
-from hopdiff.plots.scene import footprints, ground_track, side_camera, spacing
+from hopdiff.plots.scene import footprints, ground_track, side_camera
 from hopdiff.plots.strip import FILL
 from hopdiff.types import HopdiffError
 from tests.plots.bends import bent, repeated

@@ -1,0 +1,148 @@
+"""One edit: a clip made ready, its path solved, its feet cleaned, and what came out measured."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from hopdiff.editing.contacts import Contacts, find_contacts, slide_numbers
+from hopdiff.editing.feet import clean_feet
+from hopdiff.editing.legs import Leg, facing, find_legs
+from hopdiff.editing.loop import is_loop, repeated
+from hopdiff.editing.measure import path_measures
+from hopdiff.editing.paper import edit_path_as_paper
+from hopdiff.editing.root_path import RootPath, root_path, with_root_path
+from hopdiff.editing.targets import Constraint, EditedPath, edit_path
+from hopdiff.geometry.clip import Clip
+from hopdiff.io.bvh import BvhFile
+from hopdiff.tasks.edit_request import EditSettings, Request
+from hopdiff.types import HopdiffError
+
+FAR = 1.5  # stretch from which on a warning is given, and below its inverse
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is edited. name: for people. clip: as it is edited, loops laid end to end. file: what it was read from, None
+    for a run of our own. legs: none if the skeleton has none that can be told. contacts: of the feet, None without."""
+
+    name: str
+    clip: Clip
+    file: BvhFile | None
+    legs: tuple[Leg, ...]
+    contacts: Contacts | None
+    path: RootPath
+    repeats: int
+
+
+@dataclass(frozen=True)
+class Edit:
+    """before and after: root paths. moved: the clip on its new path, with feet that slide. clip: with clean feet.
+
+    warnings: sentences for the user. metrics: what metrics.json holds.
+    """
+
+    source: Source
+    constraints: list[Constraint]
+    solved: EditedPath
+    moved: Clip
+    clip: Clip
+    warnings: list[str]
+    metrics: dict[str, Any]
+
+
+def source_of(clip: Clip, name: str, settings: EditSettings, request: Request, file: BvhFile | None) -> Source:
+    """A clip made ready: its legs found, and, if it is a loop, laid end to end as often as the way asks for.
+
+    Raises HopdiffError for a joint map that does not fit, or a clip of which a repetition is asked that is no loop.
+    """
+    legs = find_legs(clip.skeleton, settings.joints or None)
+    rest_yaw = facing(clip.skeleton, legs)
+    repeats = _repeats(clip, name, settings, request, own=file is None)
+    if repeats > 1:
+        clip = repeated(clip, repeats)
+    contacts = find_contacts(clip, legs) if legs else None
+    return Source(name, clip, file, legs, contacts, root_path(clip, rest_yaw), repeats)
+
+
+def _repeats(clip: Clip, name: str, settings: EditSettings, request: Request, own: bool) -> int:
+    if settings.repeat is not None:
+        if settings.repeat > 1 and not is_loop(clip):
+            raise HopdiffError(f"edit.repeat={settings.repeat}: {name} is no loop, it does not end as it began.")
+        return settings.repeat
+    if not is_loop(clip):
+        return 1
+    if request.curve is not None:
+        way = float((clip.root_position[-1] - clip.root_position[0])[[0, 2]].norm())
+        return max(1, round(request.curve.length / max(way, 1e-6)))
+    return settings.strides if own else 1
+
+
+def edit(source: Source, request: Request, settings: EditSettings) -> Edit:
+    """Edit a clip. Raises HopdiffError, naming the frame or the setting, for what cannot be."""
+    begun = time.perf_counter()
+    clip, before = source.clip, source.path
+    guess, constraints = request.constraints(before, clip.frame_time)
+    solved = _solved(before, clip.frame_time, constraints, guess, settings)
+    after = solved.path
+    moved = with_root_path(clip, before, after)
+    warnings = _warnings(source, solved, before)
+    milliseconds = dict(solved.milliseconds)
+    cleaned, start = moved, time.perf_counter()
+    if settings.feet and source.contacts is not None:
+        bound = sorted({one.frame for one in constraints})
+        cleaned = clean_feet(clip, moved, source.legs, source.contacts, bound if request.curve is None else ())
+        milliseconds["feet"] = 1e3 * (time.perf_counter() - start)
+    milliseconds["all"] = 1e3 * (time.perf_counter() - begun)
+    metrics: dict[str, Any] = {
+        "clip": source.name,
+        "frames": clip.frames,
+        "frame_time": clip.frame_time,
+        "repeats": source.repeats,
+        "variant": settings.variant,
+        "constraints": len(constraints),
+        "rounds": solved.rounds,
+        "converged": solved.converged,
+        "error_place": solved.error_place,
+        "error_yaw_deg": math.degrees(solved.error_yaw),
+        "start_moved": float((after.place[0] - before.place[0]).norm()),
+        **path_measures(before, after, clip.frame_time),
+        **{f"ms_{name}": value for name, value in milliseconds.items()},
+    }
+    if source.contacts is not None:
+        for stage, one in (("source", clip), ("edited", moved), ("cleaned", cleaned)):
+            metrics |= {f"{name}_{stage}": value for name, value in slide_numbers(one, source.contacts).items()}
+    return Edit(source, constraints, solved, moved, cleaned, warnings, metrics)
+
+
+def _solved(
+    path: RootPath, frame_time: float, constraints: list[Constraint], guess: RootPath | None, settings: EditSettings
+) -> EditedPath:
+    if settings.variant == "hopdiff":
+        return edit_path(path, constraints, frame_time, settings.solver(), settings.turn, guess)
+    last = constraints[0]
+    if len(constraints) != 1 or last.frame != path.frames - 1 or last.place is None:
+        raise HopdiffError("edit.variant=paper binds the last frame alone, and needs its position.")
+    yaw = None if last.yaw is None else _nearest(last.yaw, float(path.yaw[-1]))
+    return edit_path_as_paper(path, frame_time, last.place, yaw, settings.paper())
+
+
+def _nearest(yaw: float, own: float) -> float:
+    return own + math.remainder(yaw - own, math.tau)
+
+
+def _warnings(source: Source, solved: EditedPath, before: RootPath) -> list[str]:
+    found = []
+    if not solved.converged:
+        found.append(
+            f"the targets were not met: {solved.error_place:.3f} m and {math.degrees(solved.error_yaw):.1f} degrees are"
+            " left."
+        )
+    stretch = path_measures(before, solved.path, source.clip.frame_time)["stretch"]
+    if not 1.0 / FAR <= stretch <= FAR:
+        found.append(f"the way became {stretch:.2f} times as long in the same time: steps of that length look wrong.")
+    if not source.legs:
+        found.append("no legs were found in the skeleton, so feet are not cleaned (edit.joints names the joints).")
+    return found

@@ -1,0 +1,227 @@
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+import torch
+from PIL import Image
+
+from hopdiff.cli import main
+from hopdiff.editing.root_path import root_path
+from hopdiff.io.bvh import read_bvh, write_bvh
+from tests.editing.walks import MOCAP, stride
+
+FILES = {"edited.bvh", "metrics.json", "config.yaml", "versions.json", "git.json"}
+PICTURES = {"path.png", "strip.png", "feet.png"}
+# A run of our own is made from the ordinary genes: no search, no luck.
+OWN = ("search=ordinary", "fps=30", "edit.strides=4")
+
+
+def command(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> int:
+    monkeypatch.setattr("sys.argv", ["hopdiff", "+experiment=edit", *arguments, f"hydra.run.dir={folder}"])
+    return main()
+
+
+def metrics(folder: Path) -> dict:
+    return json.loads((folder / "metrics.json").read_text())
+
+
+@pytest.fixture
+def walk(tmp_path: Path) -> Path:
+    """A clip of our own as a file: one stride in centimetres."""
+    write_bvh(tmp_path / "walk.bvh", stride(), order="XYZ", unit=100.0)
+    return tmp_path / "walk.bvh"
+
+
+def test_a_run_of_our_own_is_led_to_a_target(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "run"
+    assert command(monkeypatch, folder, *OWN, "target.position=[1.0,7.0]", "target.heading=90") == 0
+    assert {path.name for path in folder.iterdir() if "tfevents" not in path.name} == FILES | PICTURES
+    assert list(folder.glob("*tfevents*"))
+    edited = root_path(read_bvh(folder / "edited.bvh").clip())
+    assert edited.place[-1].tolist() == pytest.approx([1.0, 7.0], abs=1e-3)
+    assert math.degrees(float(edited.yaw[-1])) == pytest.approx(90.0, abs=0.1)
+    assert edited.place[0].tolist() == pytest.approx([0.0, 0.0], abs=1e-6)
+    found = metrics(folder)
+    assert (found["repeats"], found["converged"], found["start_moved"]) == (4, True, 0.0)
+    assert found["slide_speed_cleaned"] < found["slide_speed_source"] + 0.02 < found["slide_speed_edited"]
+    for name in PICTURES:
+        with Image.open(folder / name) as picture:
+            assert min(picture.size) > 300
+    assert "edited    1 frames bound" in capsys.readouterr().out
+
+
+def test_a_file_keeps_all_that_is_not_edited(walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "run"
+    wishes = "constraints=[{frame: 20, heading: free, position: [0.2, 1.0]}, {frame: -1, position: [0.5, 1.9]}]"
+    assert command(monkeypatch, folder, f"clip={walk}", wishes, "pictures=false") == 0
+    before, after = read_bvh(walk), read_bvh(folder / "edited.bvh")
+    assert after.joints == before.joints
+    assert (after.frames, after.frame_time) == (before.frames, before.frame_time)
+    assert after.unit == before.unit == pytest.approx(0.01)
+    path = root_path(after.clip())
+    assert path.place[20].tolist() == pytest.approx([0.2, 1.0], abs=1e-3)
+    assert path.place[-1].tolist() == pytest.approx([0.5, 1.9], abs=1e-3)
+    arms = [k for k, joint in enumerate(before.joints) if "shoulder" in joint.name or "elbow" in joint.name]
+    own = [3 + 3 * k + axis for k in arms for axis in range(3)]
+    assert torch.equal(after.values[:, own], before.values[:, own])
+
+
+def test_asking_for_what_is_there_gives_the_file_again(
+    walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    x, z = root_path(read_bvh(walk).clip()).place[-1].tolist()
+    folder = tmp_path / "run"
+    assert command(monkeypatch, folder, f"clip={walk}", f"target.position=[{x!r},{z!r}]", "pictures=false") == 0
+    assert torch.equal(read_bvh(folder / "edited.bvh").values, read_bvh(walk).values)
+
+
+def test_a_loop_is_laid_along_a_curve_as_often_as_it_fits(
+    walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "run"
+    assert command(monkeypatch, folder, f"clip={walk}", "path.points=[[0,0],[2,5],[0,10]]", "pictures=false") == 0
+    path = root_path(read_bvh(folder / "edited.bvh").clip())
+    found = metrics(folder)
+    way = root_path(stride()).place
+    assert found["repeats"] == round(10.9 / float((way[-1] - way[0]).norm()))
+    assert 0.8 < found["stretch"] < 1.25
+    assert path.place[0].tolist() == pytest.approx([0.0, 0.0], abs=0.05)
+    assert path.place[-1].tolist() == pytest.approx([0.0, 10.0], abs=0.05)
+    assert float(path.place[:, 0].max()) == pytest.approx(2.0, abs=0.1)
+
+
+def test_the_paper_s_variant(walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("edit.variant=paper", "target.position=[0.3,1.8]", "target.heading=20", "pictures=false", "edit.repeat=2")
+    assert command(monkeypatch, tmp_path / "run", f"clip={walk}", *words, "edit.epsilon=0.001") == 0
+    found = metrics(tmp_path / "run")
+    assert (found["variant"], found["converged"]) == ("paper", True)
+    assert found["error_place"] < 0.001
+
+
+def test_nothing_asked_is_an_eighth_of_a_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert command(monkeypatch, tmp_path / "run", *OWN, "pictures=false") == 0
+    path = root_path(read_bvh(tmp_path / "run" / "edited.bvh").clip())
+    assert math.degrees(float(path.yaw[-1] - path.yaw[0])) == pytest.approx(45.0, abs=1.0)
+    x, z = (path.place[-1] - path.place[0]).tolist()
+    assert x == pytest.approx(z, rel=0.01)
+
+
+def test_a_target_far_away_works_and_warns(
+    walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command(monkeypatch, tmp_path / "run", f"clip={walk}", "target.position=[0,100]", "pictures=false") == 0
+    assert "times as long in the same time" in capsys.readouterr().out
+    assert metrics(tmp_path / "run")["error_place"] < 1e-3
+
+
+THING = """HIERARCHY
+ROOT a
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT b
+  {
+    OFFSET 0 1 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 0 1 0
+    }
+  }
+}
+MOTION
+Frames: 4
+Frame Time: 0.1
+0 1 0 0 0 0 0 0 0
+0 1 1 0 0 0 0 0 0
+0 1 2 0 0 0 0 0 0
+0 1 3 0 0 0 0 0 0
+"""
+
+
+def test_a_thing_without_feet_is_moved_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "thing.bvh").write_text(THING)
+    words = (f"clip={tmp_path / 'thing.bvh'}", "edit.unit=m", "target.position=[1,3]")
+    assert command(monkeypatch, tmp_path / "run", *words) == 0
+    assert "no legs were found in the skeleton" in capsys.readouterr().out
+    assert not (tmp_path / "run" / "feet.png").exists()
+    assert root_path(read_bvh(tmp_path / "run" / "edited.bvh", 1.0).clip()).place[-1].tolist() == pytest.approx([1, 3])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("clip=none.bvh",), "none.bvh"),
+        (("clip=WALK", "target.position=[1]"), "target.position must be two finite numbers [x, z], not [1]."),
+        (("clip=WALK", "target.position=[1,nan]"), "target.position must be two finite numbers"),
+        (
+            ("clip=WALK", "target.heading=north"),
+            "target.heading must be a number of degrees, keep or free, not 'north'.",
+        ),
+        (("clip=WALK", "constraints=[{frame: 1000, heading: 3}]"), "frame 1000 lies outside the clip"),
+        (
+            ("clip=WALK", "constraints=[{frame: 1.5, heading: 3}]"),
+            "constraints[0].frame must be a whole number, not 1.5.",
+        ),
+        (
+            ("clip=WALK", "constraints=[{frame: 3}]"),
+            "constraints[0] asks for nothing: give a position, a heading, or both.",
+        ),
+        (("clip=WALK", "constraints=[{frame: 3, headin: 4}]"), "unknown entry 'headin'. Did you mean 'heading'?"),
+        (
+            ("clip=WALK", "constraints=[7]"),
+            "constraints[0] must be {frame: K, position: [x, z], heading: DEGREES}, not 7.",
+        ),
+        (
+            ("clip=WALK", "constraints=[{frame: 9, heading: 3}, {frame: 9, heading: 30}]"),
+            "frame 9 shall face 3 and 30 degrees.",
+        ),
+        (("clip=WALK", "path.points=[[0,0],[0,9]]", "target.heading=3"), "an edit follows either a path or target"),
+        (("clip=WALK", "path.points=[[0,0],[0,0]]"), "path.points: a closed path needs at least three"),
+        (("clip=WALK", "edit.variant=papr"), "Did you mean 'paper'?"),
+        (("clip=WALK", "edit.alpha=0"), "edit.alpha must be a number above 0, not 0."),
+        (("clip=WALK", "edit.side=nan"), "edit.side must be a number above 0, not nan."),
+        (("clip=WALK", "edit.repeat=0"), "edit.repeat must be from 1 to 1000, not 0."),
+        (("clip=WALK", "edit.joints={left_hip: tail}"), "edit.joints.left_hip: there is no joint 'tail'."),
+        (("clip=WALK", "edit.unit=furlong"), "furlong"),
+        (("clip=WALK", "edit.variant=paper", "constraints=[{frame: 3, heading: 4}]"), "binds the last frame alone"),
+        (("clip=BROKEN",), "line 19"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing(
+    words: tuple[str, ...],
+    said: str,
+    walk: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    broken = tmp_path / "broken.bvh"
+    broken.write_text(THING.replace("0 1 0 0 0 0 0 0 0\n", "0 1 0 0 nan 0 0 0 0\n"))
+    monkeypatch.chdir(tmp_path)
+    given = [word.replace("WALK", str(walk)).replace("BROKEN", str(broken)) for word in words]
+    assert command(monkeypatch, tmp_path / "out" / "run", *given) == 1
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.startswith("hopdiff: ")
+    assert len(told.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(not MOCAP.is_dir(), reason="needs captured clips, which are not part of the project")
+@pytest.mark.parametrize("name", ["walk_straight_snu_30hz", "walk_sideways_snu_cross90", "run_cmu_16_35"])
+def test_captured_clips(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("target.position=[0.2,-0.2]", "target.heading=60", "target.relative=true", "pictures=false")
+    assert command(monkeypatch, tmp_path / "run", f"clip={MOCAP / name}.bvh", *words) == 0
+    found = metrics(tmp_path / "run")
+    assert found["error_place"] < 1e-3
+    assert found["error_yaw_deg"] < 0.1
+    assert found["slide_speed_cleaned"] < found["slide_speed_source"] + 0.02
