@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from experiments.report import markdown, read_table, words
 
+CLIPS = "{clips}"  # in a command: the folder of captured clips
 Numbers = Mapping[str, Mapping[str, Any]]  # shot name -> what its metrics.json holds
 
 
@@ -25,7 +26,7 @@ class Shot:
 
     overrides: what follows `python -m hopdiff`; "{NAME}" stands for the run folder of another shot of the gallery.
     picture: file in the run folder, None for a shot of which only the numbers are used; a pattern such as
-    "*/strip.png" puts the pictures of a sweep below each other. width: in the gallery.
+    "*/strip.png" puts the pictures of a sweep below each other, and so do several names with blanks. width: there.
     """
 
     name: str
@@ -53,13 +54,17 @@ class Entry:
 
 @dataclass(frozen=True)
 class Gallery:
-    """name: the module, and the folder below outputs/ of its run folders. head: of the page; source: what it shows."""
+    """name: the module, and the folder below outputs/ of its run folders. head: of the page; source: what it shows.
+
+    needs_clips: whether its commands take captured clips, "{clips}/NAME.bvh", from a folder that the user gives.
+    """
 
     name: str
     head: str
     source: str
     entries: tuple[Entry, ...]
     home: Path
+    needs_clips: bool = False
 
     @property
     def runs(self) -> Path:
@@ -75,24 +80,35 @@ def build(gallery: Gallery, arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--figures", type=words, help="only these, such as 3.4,5.1; the gallery then holds no others")
     parser.add_argument("--runs", type=Path, default=gallery.runs, help="folder of the runs; finished ones are kept")
     parser.add_argument("--out", type=Path, default=gallery.home, help="folder of the gallery")
+    if gallery.needs_clips:
+        parser.add_argument("--clips", type=Path, help="folder of the captured clips; without it what needs none")
     parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="settings put to every command")
     given = parser.parse_args(arguments)
+    clips: Path | None = getattr(given, "clips", None)
     entries = [entry for entry in gallery.entries if not given.figures or entry.figure in given.figures]
     if unknown := set(given.figures or ()) - {entry.figure for entry in entries}:
         known = ", ".join(entry.figure for entry in gallery.entries)
         parser.error(f"no figure {', '.join(sorted(unknown))}; there are {known}")
+    if gallery.needs_clips and clips is None:
+        # A run of our own takes the place of a clip; a way through rooms needs more than that.
+        entries = [entry for entry in entries if not any(word.startswith("clips=") for word in _words(entry))]
     folders: dict[str, Path] = {}
     for shot in tqdm([shot for entry in entries for shot in entry.shots], unit="run", disable=None):
-        folders[shot.name] = make(shot, given.runs, given.set)
+        folders[shot.name] = make(shot, given.runs, given.set, clips)
     write_gallery(given.out, gallery, entries, folders)
     print(f"{len(entries)} figures from {len(folders)} commands: {given.out / 'README.md'}")
 
 
-def make(shot: Shot, runs: Path, settings: Sequence[str] = ()) -> Path:
+def _words(entry: Entry) -> list[str]:
+    return [word for shot in entry.shots for word in shot.overrides]
+
+
+def make(shot: Shot, runs: Path, settings: Sequence[str] = (), clips: Path | None = None) -> Path:
     """The run folder of a shot; runs its command unless it is there and whole."""
     folder = runs / shot.name
     if not (folder / "done").is_file():
-        overrides = [word.format_map(_Folders(runs)) for word in shot.overrides]
+        wanted = [word for word in shot.overrides if clips is not None or CLIPS not in word]
+        overrides = [word.format_map(_Folders(runs, clips)) for word in wanted]
         places = [f"hydra.run.dir={folder}", f"hydra.sweep.dir={folder}"]
         command = [sys.executable, "-m", "hopdiff", *overrides, *settings, *places]
         done = subprocess.run(command, capture_output=True, text=True)
@@ -104,9 +120,10 @@ def make(shot: Shot, runs: Path, settings: Sequence[str] = ()) -> Path:
 
 
 class _Folders(dict[str, str]):
-    """The run folder of a shot by its name."""
+    """The run folder of a shot by its name, and the folder of the clips."""
 
-    def __init__(self, runs: Path) -> None:
+    def __init__(self, runs: Path, clips: Path | None) -> None:
+        super().__init__(clips=str(clips))
         self.runs = runs
 
     def __missing__(self, name: str) -> str:
@@ -121,7 +138,8 @@ def write_gallery(out: Path, gallery: Gallery, entries: Sequence[Entry], folders
     for entry in entries:
         for shot in entry.shots:
             if shot.picture:
-                found = sorted(folders[shot.name].glob(shot.picture))
+                patterns = shot.picture.split()
+                found = [file for pattern in patterns for file in sorted(folders[shot.name].glob(pattern))]
                 shrink(found, out / "pictures" / f"{shot.name}.png", shot.width)
         parts.append(section(gallery, entry, {shot.name: numbers[shot.name] for shot in entry.shots}))
     (out / "README.md").write_text("\n\n".join(part.strip() for part in parts) + "\n", encoding="utf-8")
@@ -158,7 +176,8 @@ def section(gallery: Gallery, entry: Entry, numbers: Mapping[str, Mapping[str, A
 
 def command(gallery: Gallery, shot: Shot) -> str:
     """The command as a reader would type it."""
-    overrides = [word.replace("{", f"{gallery.runs}/").replace("}", "") for word in shot.overrides]
+    bare = [word.replace(f"{CLIPS}/", "") for word in shot.overrides]
+    overrides = [word.replace("{", f"{gallery.runs}/").replace("}", "") for word in bare]
     return " ".join(("python -m hopdiff", *(f"'{word}'" if "[" in word or " " in word else word for word in overrides)))
 
 

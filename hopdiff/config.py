@@ -19,6 +19,7 @@ from omegaconf.errors import OmegaConfBaseException
 from hopdiff.character import Character, CharacterSettings
 from hopdiff.costs import CostSettings
 from hopdiff.genes import GeneSettings, GeneTable
+from hopdiff.graph.settings import WaySettings
 from hopdiff.messages import choose, near, one_line
 from hopdiff.models import build_model
 from hopdiff.models.base import ModelSettings
@@ -30,6 +31,7 @@ from hopdiff.search.loop import Budget
 from hopdiff.tasks.edit_request import EditSettings, Request, TargetSettings, request_of
 from hopdiff.tasks.hopper import HopperSettings
 from hopdiff.tasks.job import Job
+from hopdiff.tasks.navigate import GraphSettings
 from hopdiff.tasks.path import PathSettings, Route, plan
 from hopdiff.types import HopdiffError
 
@@ -89,6 +91,12 @@ class Config:
     target: TargetSettings = field(default_factory=TargetSettings)
     constraints: list[Any] = field(default_factory=list)
     edit: EditSettings = field(default_factory=EditSettings)
+    clips: list[str] = field(default_factory=list)
+    scene: str = "two_rooms"
+    start: Any = "start"
+    goal: Any = "goal"
+    way: WaySettings = field(default_factory=WaySettings)
+    graph: GraphSettings = field(default_factory=GraphSettings)
     hopper: HopperSettings = field(default_factory=HopperSettings)
 
 

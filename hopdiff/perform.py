@@ -9,7 +9,16 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 
 from hopdiff.character import Character
-from hopdiff.config import build_character, build_job, build_request, build_route, checked, plain_settings, with_saved
+from hopdiff.config import (
+    build_character,
+    build_job,
+    build_request,
+    build_route,
+    checked,
+    config_folder,
+    plain_settings,
+    with_saved,
+)
 from hopdiff.io.genes_file import GenesFile, read_genes
 from hopdiff.messages import choose
 from hopdiff.tasks.body import body
@@ -17,12 +26,13 @@ from hopdiff.tasks.compare import compare
 from hopdiff.tasks.edit import run_edit
 from hopdiff.tasks.hopper import hopper
 from hopdiff.tasks.job import threads
+from hopdiff.tasks.navigate import NavigateSettings, navigate
 from hopdiff.tasks.path import run_path
 from hopdiff.tasks.replay import replay
 from hopdiff.tasks.run import run
 from hopdiff.types import HopdiffError
 
-TASKS = ("run", "replay", "compare", "path", "edit", "hopper", "body")
+TASKS = ("run", "replay", "compare", "path", "edit", "navigate", "hopper", "body")
 
 
 def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
@@ -66,6 +76,13 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
             with threads(settings.threads):
                 clip = settings.clip or build_job(config)
                 return run_edit(clip, request, how, plain_settings(config), folder, list(command))
+        case "navigate":
+            settings = checked(config)
+            wish = NavigateSettings(settings.clips, settings.scene, settings.start, settings.goal)
+            scenes = config_folder() / "scenes"
+            with threads(settings.threads):
+                navigate(wish, settings.graph, settings.way, scenes, plain_settings(config), folder, list(command))
+            return False
         case "hopper":
             settings = checked(config)
             with threads(settings.threads):

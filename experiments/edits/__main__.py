@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "## Style and feet",
             "",
             "Stretch: length of the way after over before. Side-slip: 95th percentile of the change of the angle"
-            " between way and facing. Turn: largest in 1/30 s. Feet: mean speed of standing points, and farthest that one"
+            " between way and facing. Turn: largest in 1/30 s. Feet: mean speed of standing points, and how far one"
             " gets within a contact, in the source / after the edit / after the clean-up; depth under the floor in the"
             " source / after the clean-up. Joints: fastest turn of any, against the source's.",
             "",

@@ -32,6 +32,8 @@ LIBRARIES = (
     "cmaes",
     "scipy",
     "svgelements",
+    "shapely",
+    "pyyaml",
 )
 
 

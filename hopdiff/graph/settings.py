@@ -1,0 +1,50 @@
+# No `from __future__ import annotations`: Hydra reads the types of the settings classes.
+"""What a user can set about ways through scenes."""
+
+import math
+from dataclasses import dataclass, fields
+
+from hopdiff.messages import choose
+from hopdiff.types import HopdiffError
+
+POSES = ("any", "standing")
+
+
+@dataclass
+class WaySettings:
+    """half_width: of the body, kept free around its path [m]. radius [m], angle_deg: how near to the goal the search
+    ends; the edit does the rest. weight: of the distance to go against the time gone: 1 finds the quickest way, more
+    finds one sooner. blend_cost: what a transition counts for [s]. leg: ways longer than this are cut [m].
+    expansions: of one leg, at most. seconds: for everything. start, end: "any" frame of the graph or "standing" ones.
+    start_frame: the one to start at, in place of those. tries: finished ways that are edited and checked, at most.
+    """
+
+    half_width: float = 0.25
+    radius: float = 0.5
+    angle_deg: float = 45.0
+    weight: float = 2.0
+    blend_cost: float = 0.1
+    leg: float = 8.0
+    expansions: int = 100_000
+    seconds: float = 60.0
+    start: str = "any"
+    start_frame: int | None = None
+    end: str = "any"
+    tries: int = 30
+
+    def check(self) -> None:
+        """Raises HopdiffError, naming the setting, for a number out of its range."""
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if isinstance(value, float) and not math.isfinite(value):
+                raise HopdiffError(f"way.{one.name} must be a finite number.")
+        for name in ("radius", "angle_deg", "leg", "expansions", "seconds", "tries"):
+            if not getattr(self, name) > 0:
+                raise HopdiffError(f"way.{name} must be above 0, not {getattr(self, name):g}.")
+        for name in ("half_width", "blend_cost"):
+            if not getattr(self, name) >= 0:
+                raise HopdiffError(f"way.{name} must be 0 or more, not {getattr(self, name):g}.")
+        if not self.weight >= 1:
+            raise HopdiffError(f"way.weight must be 1 or more, not {self.weight:g}.")
+        choose("way.start", self.start, POSES)
+        choose("way.end", self.end, POSES)

@@ -1,0 +1,156 @@
+# No `from __future__ import annotations`: Hydra reads the types of the settings classes.
+"""task=navigate: a walk through a scene, put together from clips and edited to start and end exactly."""
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from hopdiff.editing.contacts import find_contacts, slide_numbers
+from hopdiff.editing.feet import clean_feet
+from hopdiff.editing.legs import find_legs
+from hopdiff.editing.measure import path_measures
+from hopdiff.graph.graph import THRESHOLD, WINDOW, build_graph
+from hopdiff.graph.scene import Place, Scene
+from hopdiff.graph.scene_file import read_scene
+from hopdiff.graph.settings import WaySettings
+from hopdiff.graph.way import Way, find_way
+from hopdiff.io.bvh import read_bvh
+from hopdiff.io.events import write_events
+from hopdiff.io.record import prepare_folder, write_json
+from hopdiff.messages import choose
+from hopdiff.plots.rooms import rooms_figure
+from hopdiff.plots.sticks import sticks_figure
+from hopdiff.tasks.results import shown, write_pictures, write_record
+from hopdiff.types import HopdiffError
+
+
+@dataclass
+class GraphSettings:
+    """threshold: largest distance of a transition, root mean square over joints [m]. window: compared frames [s]."""
+
+    threshold: float = THRESHOLD
+    window: float = WINDOW
+
+
+@dataclass
+class NavigateSettings:
+    """clips: BVH files of one skeleton. scene: a name or a YAML file. start, goal: a place of the scene by name, or
+    [x, z, heading in degrees]."""
+
+    clips: list[str] = field(default_factory=list)
+    scene: str = "two_rooms"
+    start: Any = "start"
+    goal: Any = "goal"
+
+
+def scene_file(name: str, scenes: Path) -> Path:
+    """The file of a scene: one of the project's by its name, or the user's own. Raises HopdiffError for neither."""
+    if Path(name).suffix in (".yaml", ".yml"):
+        return Path(name)
+    known = sorted(file.stem for file in scenes.glob("*.yaml"))
+    return scenes / f"{choose('scene', name, known)}.yaml"
+
+
+def navigate(
+    wish: NavigateSettings,
+    graph_settings: GraphSettings,
+    way_settings: WaySettings,
+    scenes: Path,
+    settings: Mapping[str, Any],
+    folder: Path,
+    command: list[str],
+) -> None:
+    """Find, write and describe a walk. scenes: folder of the project's scenes. settings: the whole configuration.
+
+    Raises HopdiffError, naming file, setting or place, for whatever cannot be read, and if there is no way, saying why
+    and how near the search came; nothing is written then.
+    """
+    if not wish.clips:
+        raise HopdiffError("task=navigate needs clips=[FILE,...], BVH files of one skeleton to walk with.")
+    way_settings.check()
+    scene = read_scene(scene_file(wish.scene, scenes))
+    start, goal = (place_of(what, one, scene) for what, one in (("start", wish.start), ("goal", wish.goal)))
+    files = [read_bvh(name) for name in wish.clips]
+    begun = time.perf_counter()
+    graph = build_graph([file.clip() for file in files], graph_settings.threshold, graph_settings.window)
+    built = time.perf_counter() - begun
+    way = find_way(graph, scene, start, goal, way_settings)
+    prepare_folder(folder)
+    walk, feet = _with_clean_feet(way)
+    numbers = {
+        "scene": scene.name,
+        "clips": list(wish.clips),
+        "graph_seconds": built,
+        **graph.numbers(),
+        **way.numbers,
+        **path_measures(way.graph_path, way.path, way.clip.frame_time),
+        **feet,
+    }
+    files[0].with_motion(walk.clip).write(folder / "walk.bvh")
+    write_json(folder / "metrics.json", numbers)
+    write_record(folder, settings, command)
+    pictures = {}
+    if settings["pictures"]:
+        half = way_settings.half_width
+        figures = {
+            "rooms": lambda: rooms_figure(scene, way.graph_path, way.path, start, goal, half, way.waypoints),
+            "strip": lambda: sticks_figure(walk.clip),
+        }
+        pictures = write_pictures(folder, figures)
+    scalars = {name: float(value) for name, value in numbers.items() if isinstance(value, float)}
+    write_events(folder, [scalars], pictures=pictures)
+    print(summary(folder, numbers), flush=True)
+
+
+def place_of(what: str, given: Any, scene: Scene) -> Place:
+    """A place by its name in the scene, or [x, z, heading in degrees]. Raises HopdiffError, naming the setting."""
+    if isinstance(given, str):
+        return scene.place(given)
+    numbers = list(given) if isinstance(given, Sequence) else []
+    if len(numbers) != 3 or not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
+        raise HopdiffError(
+            f"{what} must be the name of a place in the scene or [x, z, heading in degrees], not {given!r}."
+        )
+    return Place((float(numbers[0]), float(numbers[1])), math.radians(float(numbers[2])))
+
+
+def _with_clean_feet(way: Way) -> tuple[Way, dict[str, float]]:
+    """The walk with feet that stand as still as in the walk that the graph gave, and how still that is."""
+    legs = find_legs(way.graph_clip.skeleton)
+    if not legs:
+        return way, {}
+    contacts = find_contacts(way.graph_clip, legs)
+    clean = clean_feet(way.graph_clip, way.clip, legs, contacts, (0, way.clip.frames - 1))
+    stages = {"graph": way.graph_clip, "edited": way.clip, "cleaned": clean}
+    numbers = {
+        f"{name}_{stage}": value
+        for stage, clip in stages.items()
+        for name, value in slide_numbers(clip, contacts).items()
+    }
+    return replace(way, clip=clean), numbers
+
+
+def summary(folder: Path, m: Mapping[str, Any]) -> str:
+    """The table at the end."""
+    rows = [
+        ("graph", f"{m['graph_frames']} frames, {m['graph_seconds']:.1f} s"),
+        (
+            "found",
+            f"{m['frames']} frames, {m['duration']:.1f} s, {m['length']:.1f} m; {m['expansions']} expansions,"
+            f" {m['seconds']:.1f} s",
+        ),
+        ("", f"missed the goal by {m['gap']:.2f} m and {m['gap_deg']:.0f} deg before the edit"),
+        (
+            "edited",
+            f"{1000 * m['end_error']:.2f} mm and {m['end_error_deg']:.3f} deg off; middle {m['clearance']:.2f} m or"
+            " more from everything",
+        ),
+    ]
+    if "slide_speed_cleaned" in m:
+        slides = ", ".join(f"{100 * m[f'slide_speed_{stage}']:.1f}" for stage in ("graph", "edited", "cleaned"))
+        rows.append(("feet", f"slide {slides} cm/s (graph, edited, cleaned)"))
+    rows.append(("files", shown(folder)))
+    return "\n".join(f"{name:<9} {text}" for name, text in rows)

@@ -1,0 +1,65 @@
+"""The studies of path editing, in small: they need no captured clips."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hopdiff.cli import main
+from hopdiff.config import config_folder
+
+ROOT = Path(__file__).resolve().parents[2]
+NAMES = sorted(path.stem for path in (config_folder() / "experiment" / "kim2021").glob("*.yaml"))
+SMALL = ("search=ordinary", "fps=30", "edit.strides=3")
+
+
+@pytest.fixture(autouse=True)
+def from_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT))
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "fig_6"])
+def test_every_experiment_runs_on_a_run_of_our_own(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = [f"+experiment=kim2021/{name}", *SMALL, f"hydra.run.dir={tmp_path / 'run'}"]
+    monkeypatch.setattr("sys.argv", ["hopdiff", *arguments])
+    assert main() == 0
+    numbers = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert numbers["variant"] == ("paper" if name == "fig_4a" else "hopdiff")
+    assert numbers["converged"] is (name != "fig_4a")
+    assert list((tmp_path / "run").glob("*.png"))
+
+
+def test_the_gallery_is_built_without_captured_clips(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from experiments.kim2021.__main__ import main as build
+
+    monkeypatch.chdir(ROOT)
+    places = ["--runs", str(tmp_path / "runs"), "--out", str(tmp_path / "gallery")]
+    build(["--figures", "2", *places, "--set", *SMALL])
+    page = (tmp_path / "gallery" / "README.md").read_text(encoding="utf-8")
+    assert "python -m hopdiff +experiment=kim2021/fig_2a clip=walk_straight_cmu_16_15.bvh" in page
+    assert "`fig_2b`: 1 round, 0.00 mm" in page
+    assert {path.name for path in (tmp_path / "gallery" / "pictures").iterdir()} == {"fig_2a.png", "fig_2b.png"}
+    assert "1 figures from 4 commands" in capsys.readouterr().out
+
+
+def test_the_gallery_shows_every_experiment() -> None:
+    from experiments.kim2021.entries import ENTRIES
+
+    words = [word for entry in ENTRIES for shot in entry.shots for word in shot.overrides]
+    assert {word.rpartition("/")[2] for word in words if word.startswith("+experiment")} == set(NAMES)
+
+
+def test_the_study_of_edits_prints_its_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from experiments.edits.__main__ import main as study
+
+    study(["--frames", "50,100", "--rounds", "1", "--out", str(tmp_path)])
+    text = (tmp_path / "results.md").read_text()
+    assert "| 0.3 | 21 | 21 |" in text
+    assert text.count("| run of our own |") == 6
+    lines = {line.split("|")[1].strip(): line for line in text.splitlines() if line.startswith("| ")}
+    assert {"50", "100"} <= set(lines)
+    assert capsys.readouterr().out.strip() == text.strip()

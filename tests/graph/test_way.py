@@ -1,0 +1,303 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from hopdiff.editing.root_path import RootPath, root_path
+from hopdiff.editing.targets import Constraint, EditedPath, edit_path
+from hopdiff.graph.graph import MotionGraph, build_graph
+from hopdiff.graph.legs import cut_way
+from hopdiff.graph.moves import moves_of, standing
+from hopdiff.graph.scene import Place, Scene
+from hopdiff.graph.scene_file import read_scene
+from hopdiff.graph.search import Budget, Goal, Search, State
+from hopdiff.graph.settings import WaySettings
+from hopdiff.graph.space import FreeSpace
+from hopdiff.graph.way import Way, find_way
+from hopdiff.types import HopdiffError
+from tests.graph.rooms import hall, split_hall, two_rooms
+from tests.graph.walkers import angles_between, mocap, walker, wanderer
+
+SCENES = Path(__file__).resolve().parents[2] / "conf" / "scenes"
+HALF = 0.25
+
+
+@pytest.fixture(scope="module")
+def graph() -> MotionGraph:
+    return build_graph([wanderer()])
+
+
+@pytest.fixture(scope="module")
+def captured() -> MotionGraph:
+    return build_graph([mocap("wander_snu_93s_30hz")])
+
+
+def check_way(way: Way, scene: Scene, start: Place, goal: Place, half_width: float = HALF) -> None:
+    """Exact at both ends, clear of everything, and as quick as the clips; from the finished clip itself."""
+    path = root_path(way.clip)
+    for frame, place in ((0, start), (-1, goal)):
+        assert math.dist(path.place[frame].tolist(), place.position) <= 1e-3
+        assert abs(math.remainder(float(path.yaw[frame]) - place.heading, math.tau)) <= math.radians(0.1)
+    space = FreeSpace(scene, half_width)
+    assert space.clearance(path.place) >= half_width - 1e-6
+    assert way.numbers["clearance"] == pytest.approx(space.clearance(path.place), abs=1e-9)
+    assert way.numbers["gap"] <= 0.5 + 1e-6
+    assert way.numbers["gap_deg"] <= 45.0 + 3.0  # blends turn a little otherwise than the search thinks
+    assert way.clip.frames == way.graph_clip.frames == way.numbers["frames"]
+    # Only the root is edited.
+    assert torch.equal(way.clip.rotations[:, 1:], way.graph_clip.rotations[:, 1:])
+    lean = way.clip.rotations[:, 0, 1, :]  # where up is, seen from the root
+    torch.testing.assert_close(lean, way.graph_clip.rotations[:, 0, 1, :])
+
+
+def test_a_straight_way_is_walked_straight(graph: MotionGraph) -> None:
+    start, goal = Place((3.0, 1.0), 0.0), Place((3.0, 11.0), 0.0)
+    way = find_way(graph, hall(), start, goal, WaySettings(leg=20.0))
+    check_way(way, hall(), start, goal)
+    assert way.numbers["length"] < 1.03 * 10.0
+    assert way.numbers["duration"] < 1.1 * 10.0 / 1.2
+    assert way.numbers["legs"] == 1
+    assert float((way.path.place[:, 0] - 3.0).abs().max()) < 0.3
+
+
+@pytest.mark.parametrize("heading", [0.0, 90.0, 180.0, -90.0])
+def test_the_goal_is_met_with_any_heading(graph: MotionGraph, heading: float) -> None:
+    start, goal = Place((3.0, 2.0), 0.4), Place((3.0, 9.0), math.radians(heading))
+    way = find_way(graph, hall(), start, goal)
+    check_way(way, hall(), start, goal)
+
+
+def test_a_way_leads_through_a_door(graph: MotionGraph) -> None:
+    start, goal = Place((1.0, 1.0), math.radians(45.0)), Place((1.2, 7.5), math.radians(-45.0))
+    way = find_way(graph, two_rooms(), start, goal)
+    check_way(way, two_rooms(), start, goal)
+    inside = (way.path.place[:, 1] > 4.0) & (way.path.place[:, 1] < 5.0)
+    assert bool(inside.any())
+    assert float((way.path.place[inside, 0] - 2.0).abs().max()) <= 0.6 - HALF + 1e-6
+
+
+def test_a_long_way_is_cut_into_legs_that_go_on_from_each_other(graph: MotionGraph) -> None:
+    start, goal = Place((1.0, 1.5), 0.0), Place((1.0, 10.5), math.radians(-90.0))
+    way = find_way(graph, split_hall(), start, goal, WaySettings(leg=4.0))
+    check_way(way, split_hall(), start, goal)
+    assert way.numbers["legs"] >= 3
+    assert len(way.waypoints) == way.numbers["legs"] - 1
+    # Where legs meet nothing jumps.
+    steps = way.graph_path.place.diff(dim=0).norm(dim=-1)
+    assert float(steps.max()) < 1.5 * 1.2 / 30.0
+    for point in way.waypoints:
+        assert float((way.graph_path.place - torch.from_numpy(point)).norm(dim=-1).min()) <= 0.5
+
+
+def test_points_on_the_way_lie_on_it_evenly_with_room_around(graph: MotionGraph) -> None:
+    space = FreeSpace(split_hall(), HALF)
+    start, goal = Place((1.0, 1.5), 0.0), Place((1.0, 10.5), 0.0)
+    ways = space.grid.geodesic(goal.position)
+    length = space.grid.length(ways, start.position)
+    points = cut_way(space, ways, start, length, 4)
+    assert len(points) == 3
+    left = [space.grid.length(ways, point.position) for point in points]
+    np.testing.assert_allclose(left, [0.75 * length, 0.5 * length, 0.25 * length], atol=0.6)
+    assert (space.depth([point.position for point in points]) > 0.4).all()
+    assert abs(points[1].heading) < math.radians(45.0)  # along the gap beside the wall
+    assert cut_way(space, ways, start, length, 1) == []
+
+
+def test_the_search_alone_finds_the_quickest_of_all_walks() -> None:
+    # One straight walk that can start anywhere and go on for ever: the time is the way over the speed.
+    graph = build_graph([walker([(8.0, 0.0)], speed=1.2, period=0.9713)])
+    space = FreeSpace(hall(6.0, 30.0), HALF)
+    ways = space.grid.geodesic((3.0, 25.0))
+    settings = WaySettings(weight=1.0, radius=0.1, angle_deg=10.0)
+    everywhere = np.ones(graph.frames, dtype=bool)
+    goal = Goal(25.0 + 3.0j, 0.0, True)
+    search = Search(moves_of(graph), space.grid, ways, goal, everywhere, settings, Budget(math.inf))
+    found = next(search.ways_from([State(frame, 2.0 + 3.0j, 0.0) for frame in range(0, graph.frames, 5)]))
+    assert found.frames / 30.0 == pytest.approx(23.0 / 1.2, rel=0.02)
+    assert found.gap[0] <= 0.1
+    assert search.expansions == search.budget.expansions > 0
+
+
+def test_the_first_frame_and_standing_can_be_asked_for(captured: MotionGraph) -> None:
+    scene = read_scene(SCENES / "two_rooms.yaml")
+    start, goal = scene.place("start"), scene.place("goal")
+    way = find_way(captured, scene, start, goal, WaySettings(start_frame=300))
+    check_way(way, scene, start, goal)
+    assert way.numbers["start_frame"] == 300
+    way = find_way(captured, scene, start, goal, WaySettings(start="standing", end="standing"))
+    check_way(way, scene, start, goal)
+    able = standing(captured)
+    assert able[int(way.numbers["start_frame"])]
+    last = way.graph_path.place[-4:].diff(dim=0).norm(dim=-1)
+    assert float(last.mean()) * 30.0 < 0.4
+
+
+@pytest.mark.parametrize(("name", "seconds"), [("two_rooms", 10.0), ("flat", 20.0)])
+def test_captured_walks_cross_the_shipped_scenes(captured: MotionGraph, name: str, seconds: float) -> None:
+    scene = read_scene(SCENES / f"{name}.yaml")
+    start, goal = scene.place("start"), scene.place("goal")
+    way = find_way(captured, scene, start, goal)
+    check_way(way, scene, start, goal)
+    assert way.numbers["seconds"] < seconds
+    assert way.numbers["legs"] == 1 + len(way.waypoints)
+    source = captured.clips[0]
+    own, made = (angles_between(clip.rotations[:-1, 1:], clip.rotations[1:, 1:]).max() for clip in (source, way.clip))
+    assert float(made) <= 1.5 * float(own)
+
+
+def test_the_edit_that_is_given_is_the_one_that_is_used(graph: MotionGraph) -> None:
+    asked: list[Sequence[Constraint]] = []
+
+    def watched(path: RootPath, constraints: Sequence[Constraint], frame_time: float) -> EditedPath:
+        asked.append(constraints)
+        return edit_path(path, constraints, frame_time)
+
+    start, goal = Place((3.0, 1.0), 0.0), Place((3.0, 8.0), 0.2)
+    way = find_way(graph, hall(), start, goal, edit_path=watched)
+    first, last = asked[-1][:2]
+    assert (first.frame, first.place, first.yaw) == (0, start.position, start.heading)
+    assert (last.frame, last.place, last.yaw) == (way.clip.frames - 1, goal.position, goal.heading)
+
+
+def bulging(width: float, times: int) -> tuple[list[int], object]:
+    """An edit that adds a bulge to the side to the first paths that it makes."""
+    calls: list[int] = []
+
+    def edit(path: RootPath, constraints: Sequence[Constraint], frame_time: float) -> EditedPath:
+        calls.append(len(constraints))
+        edited = edit_path(path, constraints, frame_time)
+        if len(calls) > times:
+            return edited
+        bulge = width * torch.sin(torch.linspace(0.0, math.pi, path.frames, dtype=torch.float64)) ** 2
+        place = edited.path.place + torch.stack((bulge, torch.zeros_like(bulge)), dim=-1)
+        return dataclasses.replace(edited, path=RootPath(place, edited.path.yaw))
+
+    return calls, edit
+
+
+def test_a_path_that_the_edit_bends_into_a_wall_is_bound_there_or_given_up_for_the_next(graph: MotionGraph) -> None:
+    start, goal = Place((2.0, 1.0), 0.0), Place((2.0, 8.0), 0.0)
+    calls, edit = bulging(0.6, 1)
+    way = find_way(graph, two_rooms(), start, goal, edit_path=edit)  # type: ignore[arg-type]
+    check_way(way, two_rooms(), start, goal)
+    assert way.numbers["pins"] == 1
+    assert calls == [2, 3]
+    calls, edit = bulging(0.6, 40)
+    way = find_way(graph, two_rooms(), start, goal, edit_path=edit)  # type: ignore[arg-type]
+    check_way(way, two_rooms(), start, goal)
+    assert way.numbers["tries"] > 1
+
+
+def test_where_no_edit_keeps_off_the_walls_it_is_told(graph: MotionGraph) -> None:
+    _, edit = bulging(3.0, 10**9)
+    start, goal = Place((2.0, 1.0), 0.0), Place((2.0, 8.0), 0.0)
+    with pytest.raises(HopdiffError, match=r"\d+ walks come near it, but none can be bent"):
+        find_way(graph, two_rooms(), start, goal, WaySettings(tries=2), edit_path=edit)  # type: ignore[arg-type]
+
+
+def test_a_short_walk_is_not_bent_into_a_dash(graph: MotionGraph) -> None:
+    # The goal lies within the radius of the start, but a walk of no way cannot be stretched to it.
+    start, goal = Place((3.0, 3.0), 0.0), Place((3.35, 3.2), math.radians(40.0))
+    way = find_way(graph, hall(), start, goal)
+    check_way(way, hall(), start, goal)
+    source = root_path(graph.clips[0])
+    for part in (lambda path: path.place.diff(dim=0).norm(dim=-1), lambda path: path.yaw.diff().abs()):
+        own = max(float(part(source).max()), float(part(way.graph_path).max()))
+        assert float(part(way.path).max()) <= 1.3 * own + 1e-9
+    assert way.numbers["tries"] > 1  # the first that comes near has to be bent too far
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "said"),
+    [
+        ((2.5, 9.0), (3.0, 3.0), r"the start \[2.5, 9\] lies inside furniture 'table'"),
+        ((3.0, 3.0), (1.0, 6.0), r"the goal \[1, 6\] lies inside wall 'across'"),
+        ((3.0, 3.0), (9.0, 6.0), r"the goal \[9, 6\] lies inside a wall or outside the rooms"),
+    ],
+)
+def test_places_inside_something_are_told(graph: MotionGraph, start: tuple, goal: tuple, said: str) -> None:
+    with pytest.raises(HopdiffError, match=said):
+        find_way(graph, split_hall(), Place(start, 0.0), Place(goal, 0.0))
+
+
+@pytest.mark.parametrize("scene", [two_rooms(door=False), two_rooms(width=0.4)], ids=["no door", "narrow door"])
+def test_walls_all_around_are_told(graph: MotionGraph, scene: Scene) -> None:
+    said = r"no way leads from the start \[1.0, 1.0\] to the goal \[1.0, 8.0\] for a body 0.5 m wide"
+    with pytest.raises(HopdiffError, match=said):
+        find_way(graph, scene, Place((1.0, 1.0), 0.0), Place((1.0, 8.0), 0.0))
+
+
+def test_clips_that_cannot_turn_are_told_with_how_near_they_came() -> None:
+    straight = build_graph([walker([(6.0, 0.0)], period=0.9713)])
+    start, goal = Place((3.0, 2.0), 0.0), Place((3.0, 6.0), math.pi)
+    said = (
+        r"the clips hold no walk to the goal: all that they can do was searched .* came within .* m and 1[67]. degrees"
+    )
+    with pytest.raises(HopdiffError, match=said):
+        find_way(straight, hall(), start, goal)
+    with pytest.raises(HopdiffError, match="it never came near it"):
+        find_way(straight, hall(20.0, 20.0), Place((2.0, 2.0), 0.0), Place((18.0, 18.0), 0.0))
+
+
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [
+        ({"expansions": 100}, r"after \d+ steps and .*, with way.expansions=100: it (never came near|came within)"),
+        ({"seconds": 0.01}, r"in way.seconds=0.01: it (never came near it|came within)"),
+    ],
+)
+def test_a_search_that_is_cut_short_says_so(graph: MotionGraph, limits: dict, said: str) -> None:
+    with pytest.raises(HopdiffError, match=said):
+        find_way(graph, split_hall(), Place((1.0, 1.0), 0.0), Place((1.0, 10.5), 0.0), WaySettings(**limits))
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"radius": 0.0}, "way.radius must be above 0"),
+        ({"angle_deg": -1.0}, "way.angle_deg must be above 0"),
+        ({"leg": math.nan}, "way.leg must be a finite number"),
+        ({"seconds": math.inf}, "way.seconds must be a finite number"),
+        ({"tries": 0}, "way.tries must be above 0"),
+        ({"expansions": 0}, "way.expansions must be above 0"),
+        ({"blend_cost": -0.1}, "way.blend_cost must be 0 or more"),
+        ({"half_width": -0.1}, "way.half_width must be 0 or more"),
+        ({"weight": 0.5}, "way.weight must be 1 or more"),
+        ({"start": "sitting"}, "Unknown way.start 'sitting'"),
+        ({"end": "lying"}, "Unknown way.end 'lying'"),
+        ({"start_frame": 10**6}, "way.start_frame must be from 0 to"),
+        ({"start_frame": -1}, "way.start_frame must be from 0 to"),
+        ({"start": "standing"}, "way.start=standing: the body stands in no frame"),
+        ({"end": "standing"}, "way.end=standing: the body stands in no frame"),
+    ],
+)
+def test_settings_of_a_way_are_checked(graph: MotionGraph, settings: dict, said: str) -> None:
+    with pytest.raises(HopdiffError, match=said):
+        find_way(graph, hall(), Place((3.0, 1.0), 0.0), Place((3.0, 5.0), 0.0), WaySettings(**settings))
+
+
+@pytest.mark.parametrize("what", ["start", "goal"])
+def test_headings_must_be_numbers(graph: MotionGraph, what: str) -> None:
+    places = {"start": Place((3.0, 1.0), 0.0), "goal": Place((3.0, 5.0), 0.0)}
+    places[what] = dataclasses.replace(places[what], heading=math.nan)
+    with pytest.raises(HopdiffError, match=f"the {what}'s heading must be a finite number"):
+        find_way(graph, hall(), places["start"], places["goal"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["two_rooms", "flat"])
+def test_walks_are_found_between_places_drawn_at_random(captured: MotionGraph, name: str) -> None:
+    scene = read_scene(SCENES / f"{name}.yaml")
+    grid = FreeSpace(scene, HALF).grid
+    rng = np.random.default_rng(0)
+    free = np.flatnonzero(grid.free)
+    for _ in range(20):
+        spots = [Place(tuple(grid.place(rng.choice(free)).tolist()), rng.uniform(-math.pi, math.pi)) for _ in range(2)]
+        way = find_way(captured, scene, *spots)
+        check_way(way, scene, *spots)

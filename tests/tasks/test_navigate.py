@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from hopdiff.cli import main
+from hopdiff.editing.root_path import root_path
+from hopdiff.io.bvh import read_bvh, write_bvh
+from tests.editing.walks import MOCAP, stride
+
+WANDER = MOCAP / "wander_snu_93s_30hz.bvh"
+FILES = {"walk.bvh", "rooms.png", "strip.png", "metrics.json", "config.yaml", "versions.json", "git.json"}
+
+
+def command(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> int:
+    monkeypatch.setattr("sys.argv", ["hopdiff", "+experiment=navigate", *arguments, f"hydra.run.dir={folder}"])
+    return main()
+
+
+@pytest.mark.skipif(not WANDER.is_file(), reason=f"needs {WANDER.name}, which is not part of the project")
+@pytest.mark.parametrize(
+    ("scene", "words", "goal"),
+    [
+        ("two_rooms", (), (2.4, 7.3, -30.0)),
+        ("two_rooms", ("start=[1,3,0]", "goal=[3.5,6,90]"), (3.5, 6.0, 90.0)),
+        ("flat", ("pictures=false",), (8.2, 8.8, 0.0)),
+    ],
+)
+def test_a_walk_leads_through_the_rooms(
+    scene: str,
+    words: tuple[str, ...],
+    goal: tuple[float, float, float],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    folder = tmp_path / "run"
+    assert command(monkeypatch, folder, f"clips=[{WANDER}]", f"scene={scene}", *words) == 0
+    made = {path.name for path in folder.iterdir() if "tfevents" not in path.name}
+    assert made == (FILES if "pictures=false" not in words else FILES - {"rooms.png", "strip.png"})
+    path = root_path(read_bvh(folder / "walk.bvh").clip())
+    x, z, heading = goal
+    assert path.place[-1].tolist() == pytest.approx([x, z], abs=1e-3)
+    assert math.remainder(float(path.yaw[-1]) - math.radians(heading), math.tau) == pytest.approx(0.0, abs=2e-3)
+    numbers = json.loads((folder / "metrics.json").read_text())
+    assert numbers["clearance"] >= 0.25
+    assert numbers["gap"] <= 0.5
+    assert numbers["gap_deg"] <= 45.0
+    step = path.place.diff(dim=0).norm(dim=-1)
+    assert float(step.max()) < 0.1  # no jump from piece to piece
+
+
+@pytest.mark.skipif(not WANDER.is_file(), reason=f"needs {WANDER.name}, which is not part of the project")
+def test_the_same_settings_give_the_same_walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a", "b"):
+        assert command(monkeypatch, tmp_path / name, f"clips=[{WANDER}]", "pictures=false") == 0
+    assert (tmp_path / "a" / "walk.bvh").read_bytes() == (tmp_path / "b" / "walk.bvh").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "task=navigate needs clips=[FILE,...]"),
+        (("clips=[none.bvh]",), "cannot read none.bvh"),
+        (("clips=[CLIP]", "scene=three_rooms"), "Unknown scene 'three_rooms': choose one of flat, two_rooms."),
+        (("clips=[CLIP]", "scene=none.yaml"), "cannot read none.yaml"),
+        (("clips=[CLIP]", "goal=kitchen"), "scene two_rooms has no place 'kitchen'"),
+        (("clips=[CLIP]", "goal=[1,2]"), "goal must be the name of a place in the scene or [x, z, heading in degrees]"),
+        (("clips=[CLIP]", "start=[1,nan,0]"), "start must be the name of a place"),
+        (("clips=[CLIP]", "start=[0.4,0.9,0]"), "the start [0.4, 0.9] lies inside furniture 'chair'."),
+        (("clips=[CLIP]", "goal=[4.49,6,0]"), "goal"),
+        (("clips=[CLIP]", "goal=[9,9,0]"), "goal"),
+        (("clips=[CLIP]", "way.weight=0.5"), "way.weight must be 1 or more, not 0.5."),
+        (("clips=[CLIP]", "graph.threshold=0"), "graph.threshold must be a number of metres above 0, not 0."),
+        (("clips=[CLIP]", "start=[2,2,0]", "goal=[3.5,6,0]", "way.half_width=0.7"), "no way leads from the start"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing(
+    words: tuple[str, ...],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    write_bvh(tmp_path / "run.bvh", stride())
+    monkeypatch.chdir(tmp_path)
+    given = [word.replace("CLIP", "run.bvh") for word in words]
+    assert command(monkeypatch, tmp_path / "out" / "run", *given) == 1
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.startswith("hopdiff: ")
+    assert len(told.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
