@@ -45,12 +45,15 @@ class _Shift:
         return torch.stack((c * x + s * z + shift[..., 0], y, c * z - s * x + shift[..., 1]), dim=-1)
 
 
-def clean_feet(source: Clip, edited: Clip, legs: Sequence[Leg], contacts: Contacts, keep: Sequence[int] = ()) -> Clip:
+def clean_feet(
+    source: Clip, edited: Clip, legs: Sequence[Leg], contacts: Contacts, keep: Sequence[int] = (), still: bool = False
+) -> Clip:
     """The edited clip with feet that stand where the source's stand.
 
     edited: the source on another root path; contacts: of the source. keep: frames that must stay as they are.
-    Doing it again changes nothing, and neither does it without an edit. Where a leg is too short for a contact, the
-    root is lowered for a while.
+    still: whether feet that slide in the source, as in a blend of two motions, are held too. Otherwise doing it again
+    changes nothing, and neither does it without an edit. Where a leg is too short for a contact, the root is lowered
+    for a while.
     """
     before, after = root_path(source), root_path(edited)
     turn = after.yaw - before.yaw
@@ -62,9 +65,9 @@ def clean_feet(source: Clip, edited: Clip, legs: Sequence[Leg], contacts: Contac
     targets, turns = [], []
     for k in range(len(legs)):
         own = [i for i, (which, _) in enumerate(contacts.points) if which == k]
-        place, more = _planted(
-            edit, ankles[:, k], points[:, own].mean(dim=1), contacts.plants(k), keep, source.frame_time
-        )
+        slide = _slide(points[:, own], contacts.touching[:, own]) if still else None
+        foot = points[:, own].mean(dim=1)
+        place, more = _planted(edit, ankles[:, k], foot, contacts.plants(k), keep, source.frame_time, slide)
         targets.append(place)
         turns.append(more)
     height = _lowered(source, edited, legs, targets, keep)
@@ -77,12 +80,25 @@ def clean_feet(source: Clip, edited: Clip, legs: Sequence[Leg], contacts: Contac
     return replace(cleaned, rotations=rotations.to(edited.rotations))
 
 
+def _slide(points: Tensor, touching: Tensor) -> Tensor:
+    """(T, 2) how far a foot has slid over the ground so far, by those of its points (T, P, 3) that touch it [m]."""
+    both = (touching[1:] & touching[:-1]).double()
+    moved = (points[:, :, [0, 2]].diff(dim=0) * both.unsqueeze(-1)).sum(dim=1) / both.sum(dim=1).clamp_min(1.0)[:, None]
+    return torch.cat((torch.zeros_like(moved[:1]), moved.cumsum(dim=0)))
+
+
 def _planted(
-    edit: _Shift, ankle: Tensor, foot: Tensor, plants: list[tuple[int, int]], keep: Sequence[int], frame_time: float
+    edit: _Shift,
+    ankle: Tensor,
+    foot: Tensor,
+    plants: list[tuple[int, int]],
+    keep: Sequence[int],
+    frame_time: float,
+    slide: Tensor | None,
 ) -> tuple[Tensor, Tensor]:
     """Where the ankle (T, 3) of a leg shall be [m], and the turn of its foot from the source (T,) [rad].
 
-    ankle, foot: (T, 3) of the source; foot: the middle of its contact points.
+    ankle, foot: (T, 3) of the source; foot: the middle of its contact points. slide: (T, 2) to be taken away.
     """
     frames = len(ankle)
     place, turn = edit(ankle), edit.turn
@@ -110,7 +126,10 @@ def _planted(
         if len(held) > 1:
             # Several frames of one contact must stay: between them the foot goes from one place to the next.
             weight = weight * _smooth(torch.stack([(times - k).abs() for k in held[1:]]).amin(0) * frame_time / RAMP)
-        out[here] += weight[:, None] * (fixed(ankle[here]) - place[here])
+        own = ankle[here].clone()
+        if slide is not None:
+            own[:, [0, 2]] -= slide[here] - (slide[held[0]] if held else slide[first : last + 1].mean(dim=0))
+        out[here] += weight[:, None] * (fixed(own) - place[here])
         more[here] += weight * (fixed.turn - turn[here])
     return out, more
 

@@ -118,12 +118,12 @@ def place_of(what: str, given: Any, scene: Scene) -> Place:
 
 
 def _with_clean_feet(way: Way) -> tuple[Way, dict[str, float]]:
-    """The walk with feet that stand as still as in the walk that the graph gave, and how still that is."""
+    """The walk with feet that stand still, which blends do not leave them, and how still that is."""
     legs = find_legs(way.graph_clip.skeleton)
     if not legs:
         return way, {}
     contacts = find_contacts(way.graph_clip, legs)
-    clean = clean_feet(way.graph_clip, way.clip, legs, contacts, (0, way.clip.frames - 1))
+    clean = clean_feet(way.graph_clip, way.clip, legs, contacts, (0, way.clip.frames - 1), still=True)
     stages = {"graph": way.graph_clip, "edited": way.clip, "cleaned": clean}
     numbers = {
         f"{name}_{stage}": value

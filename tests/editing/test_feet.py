@@ -148,3 +148,16 @@ def test_a_leg_that_is_too_short_lowers_the_root_for_a_while() -> None:
     assert 0.01 < float(lowered.max()) < 0.15
     assert float(lowered.min()) > -1e-9
     assert float(lowered.diff().abs().max()) / clip.frame_time < 1.0
+
+
+@pytest.mark.parametrize("name", CAPTURED[1:3])
+def test_feet_that_slide_in_the_source_can_be_held_too(name: str) -> None:
+    clip = clip_of(name)
+    contacts = contacts_of(clip)
+    ends = (0, clip.frames - 1)
+    still = clean_feet(clip, clip, contacts.legs, contacts, ends, still=True)
+    before, after = slide_numbers(clip, contacts), slide_numbers(still, contacts)
+    assert after["slide_speed"] < 0.75 * before["slide_speed"]
+    assert fastest(still) < 1.5 * fastest(clip)
+    for frame in ends:
+        assert (still.rotations[frame] - clip.rotations[frame]).abs().max() < 1e-6
