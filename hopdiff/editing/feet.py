@@ -105,7 +105,17 @@ def _planted(
     moved_foot = edit(foot)
     out, more = place.clone(), turn.clone()
     for number, (first, last) in enumerate(plants):
+        # The ways out of one contact and into the next may share a swing: their weights then sum to at most 1.
+        sooner = plants[number - 1][1] if number else -frames
+        later = plants[number + 1][0] if number + 1 < len(plants) else 2 * frames
+        room_before = min(RAMP / frame_time, first - sooner)
+        room_after = min(RAMP / frame_time, later - last)
+        # Where the foot stands is said by frames that must stay: those of the contact, or one so near to it that there
+        # is no time to go over.
         held = [k for k in keep if first <= k <= last]
+        if not held and keep:
+            gap, nearest = min((max(first - k, k - last), k) for k in keep)
+            held = [nearest] if gap <= 0.5 * (room_before if nearest < first else room_after) else []
         if held:
             fixed = edit.at(held[0])
         else:
@@ -114,11 +124,9 @@ def _planted(
             c, s = torch.cos(mean), torch.sin(mean)
             turned = torch.stack((c * middle[0] + s * middle[2], c * middle[2] - s * middle[0]))
             fixed = _Shift(mean, moved_foot[first : last + 1].mean(dim=0)[[0, 2]] - turned)
-        # Other contacts of the leg, and frames that must stay, end the way out of this one and into it.
-        sooner = plants[number - 1][1] if number else -1
-        later = plants[number + 1][0] if number + 1 < len(plants) else frames
-        room_before = min(RAMP / frame_time, 0.5 * (first - sooner), *(first - k for k in keep if k < first), frames)
-        room_after = min(RAMP / frame_time, 0.5 * (later - last), *(k - last for k in keep if k > last), frames)
+        others = [k for k in keep if k not in held]
+        room_before = min(room_before, *(first - k for k in others if k < first), frames)
+        room_after = min(room_after, *(k - last for k in others if k > last), frames)
         here = slice(max(0, math.floor(first - room_before)), min(frames, math.ceil(last + room_after) + 1))
         times = torch.arange(here.start, here.stop, dtype=torch.float64)
         weight = _smooth(1.0 - (first - times).clamp_min(0.0) / max(room_before, 1e-9))

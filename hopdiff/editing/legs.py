@@ -6,7 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -30,7 +30,7 @@ _PREFIXES = ("mixamorig", "bip", "biped", "character", "skeleton", "b", "def", "
 
 @dataclass(frozen=True)
 class Leg:
-    """Joints of a leg. ankle: None where the foot is the end site of the knee. toe: None where there is none."""
+    """Joints of a leg. ankle: None where the leg stands on the end site of the knee. toe: None where there is none."""
 
     side: str
     hip: int
@@ -44,12 +44,16 @@ def find_legs(skeleton: Skeleton, joints: Mapping[str, str] | None = None) -> tu
     does.
 
     joints: role -> joint name, such as {"left_hip": "LeftUpLeg", ...}, in place of all that; hips and knees are needed.
+    Without an ankle the leg ends in the end site of its knee, or in the joint that hangs on it.
     Raises HopdiffError for an unknown role or joint, or joints that are no leg.
     """
     if joints:
         return _named(skeleton, joints)
-    found = tuple(leg for side in SIDES if (leg := _by_name(skeleton, side)) is not None)
-    return found if len(found) == len(SIDES) else _by_shape(skeleton)
+    for found in (tuple(_by_name(skeleton, side) for side in SIDES), _by_shape(skeleton)):
+        legs = tuple(whole for leg in found if leg is not None and (whole := _with_end(skeleton, leg)) is not None)
+        if len(legs) == len(SIDES):
+            return legs
+    return ()
 
 
 def facing(skeleton: Skeleton, legs: tuple[Leg, ...]) -> float:
@@ -85,8 +89,23 @@ def _named(skeleton: Skeleton, joints: Mapping[str, str]) -> tuple[Leg, ...]:
                 names = skeleton.names
                 raise HopdiffError(f"edit.joints: {names[lower]!r} does not hang on {names[upper]!r}.")
         ankle, toe = (None if found[role] is None else skeleton.index(str(found[role])) for role in ("ankle", "toe"))
-        legs.append(Leg(side, chain[0], chain[1], ankle, toe))
+        leg = _with_end(skeleton, Leg(side, chain[0], chain[1], ankle, toe))
+        if leg is None:
+            raise HopdiffError(f"edit.joints: nothing hangs on {side}_knee, {skeleton.names[chain[1]]!r}, to stand on.")
+        legs.append(leg)
     return tuple(legs)
+
+
+def _with_end(skeleton: Skeleton, leg: Leg) -> Leg | None:
+    """The leg with an ankle where its shank would have no end; none if nothing hangs on the knee either."""
+    end = skeleton.end_sites.get(skeleton.names[leg.knee])
+    if leg.ankle is not None or (end is not None and float(end.norm()) > 1e-6):
+        return leg
+    children = [leg.toe] if leg.toe is not None else skeleton.children(leg.knee)
+    if not children:
+        return None
+    # The longest, of a foot and what else may hang there for twisting the shank.
+    return replace(leg, ankle=max(children, key=lambda i: float(skeleton.offsets[i].norm())), toe=None)
 
 
 def _above(skeleton: Skeleton, joint: int) -> list[int]:

@@ -139,6 +139,31 @@ def test_cleaning_again_changes_nothing(name: str) -> None:
     assert difference(clean_feet(clip, once, contacts.legs, contacts, (0, clip.frames - 1)), once) < 2e-6
 
 
+@pytest.mark.parametrize("name", ["own", "walk_straight_cmu_07_01", "run_cmu_16_35"])
+def test_a_frame_that_stays_next_to_a_contact_does_not_make_the_foot_jump(name: str) -> None:
+    clip = clip_of(name)
+    contacts, path = contacts_of(clip), root_path(clip)
+    last = clip.frames - 1
+    end = (float(path.place[-1, 0]) + 0.6, float(path.place[-1, 1]))
+    beside = [
+        frame
+        for leg in (0, 1)
+        for begun, ended in contacts.plants(leg)
+        for frame in (begun - 1, ended + 1)
+        if 0.25 * clip.frames < frame < 0.7 * clip.frames
+    ]
+    assert beside
+    for frame in beside:
+        place = path.place[frame] + torch.tensor([0.15, 0.1], dtype=torch.float64)
+        bound = Constraint(frame, (float(place[0]), float(place[1])), keep=True)
+        solved = edit_path(path, [bound, Constraint(last, end, keep=True)], clip.frame_time)
+        moved = with_root_path(clip, path, solved.path)
+        clean = clean_feet(clip, moved, contacts.legs, contacts, (0, frame, last))
+        assert (clean.rotations[frame] - moved.rotations[frame]).abs().max() < 1e-6
+        assert fastest(clean) < 1.1 * fastest(clip)
+        assert slide_numbers(clean, contacts)["drift"] < slide_numbers(clip, contacts)["drift"] + 0.015
+
+
 def test_a_leg_that_is_too_short_lowers_the_root_for_a_while() -> None:
     clip = mocap("walk_straight_snu_30hz")
     contacts = contacts_of(clip)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -94,8 +95,25 @@ def test_joints_can_be_named() -> None:
         for k, (side, part) in enumerate((s, p) for s in ("left", "right") for p in PARTS)
     }
     assert find_legs(skeleton(names), joints) == (Leg("left", 1, 2, 3, 4), Leg("right", 5, 6, 7, 8))
+    # What hangs on the knee is the ankle unless another is named.
     short = {role: name for role, name in joints.items() if not role.endswith(("toe", "ankle"))}
-    assert find_legs(skeleton(names), short) == (Leg("left", 1, 2, None, None), Leg("right", 5, 6, None, None))
+    assert find_legs(skeleton(names), short) == (Leg("left", 1, 2, 3, None), Leg("right", 5, 6, 7, None))
+
+
+def test_every_leg_that_is_found_has_an_end_to_stand_on() -> None:
+    """Legs whose knees are the last joints, with and without end sites."""
+    body = skeleton(MAKES["plain"])
+    kept = (0, 1, 2, 5, 6)
+    names = tuple(body.names[i] for i in kept)
+    bare = Skeleton(names, (-1, 0, 1, 0, 3), body.offsets[list(kept)])
+    assert find_legs(bare) == ()
+    joints = {f"{side}_{part}": f"{side}_{part}" for side in ("left", "right") for part in ("hip", "knee")}
+    with pytest.raises(HopdiffError, match=r"edit\.joints: nothing hangs on left_knee, 'left_knee', to stand on\."):
+        find_legs(bare, joints)
+    down = torch.tensor([0.0, -0.4, 0.0], dtype=torch.float64)
+    standing = replace(bare, end_sites={"left_knee": down, "right_knee": down})
+    assert find_legs(standing) == (Leg("left", 1, 2, None, None), Leg("right", 3, 4, None, None))
+    assert find_legs(standing, joints) == find_legs(standing)
 
 
 @pytest.mark.parametrize(
