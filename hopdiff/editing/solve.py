@@ -132,17 +132,15 @@ class PathSolver:
                 open_ = torch.ones_like(open_)
             if not bool(open_.any()):
                 break
-            change, path = self._round(targets, change, path, place, yaw, alpha, open_)
+            change, path, place, yaw = self._round(targets, change, path, place, yaw, alpha, open_)
             rounds = rounds + open_
-            place, yaw = targets.error(path)
             size = _size(place, yaw)
         converged = size <= settings.epsilon
         for _ in range(POLISHINGS):
             open_ = converged & (size > POLISH)
             if not bool(open_.any()):
                 break
-            change, path = self._round(targets, change, path, place, yaw, math.inf, open_)
-            place, yaw = targets.error(path)
+            change, path, place, yaw = self._round(targets, change, path, place, yaw, math.inf, open_, further=True)
             size = _size(place, yaw)
         return Solution(
             path,
@@ -154,13 +152,21 @@ class PathSolver:
         )
 
     def _round(
-        self, targets: Targets, change: Tensor, path: RootPath, place: Tensor, yaw: Tensor, alpha: float, open_: Tensor
-    ) -> tuple[Tensor, RootPath]:
-        """One step of the open ones of the batch.
+        self,
+        targets: Targets,
+        change: Tensor,
+        path: RootPath,
+        place: Tensor,
+        yaw: Tensor,
+        alpha: float,
+        open_: Tensor,
+        further: bool = False,
+    ) -> tuple[Tensor, RootPath, Tensor, Tensor]:
+        """One step of the open ones of the batch: the change, its path and what that lacks.
 
         First the least change of all that would meet the constraints if they were linear. Where that does not bring
         the error down by half of what was asked for, since turns move everything after them, the least further change
-        is taken instead, halved until the error falls.
+        is taken instead, halved until the error falls. further: takes that at once, as it ends in fewer steps.
         """
         wanted = torch.cat(
             (
@@ -174,23 +180,22 @@ class PathSolver:
         gram = torch.einsum("brnd,bsnd->brs", rows, spread)
         moved = torch.einsum("brnd,bnd->br", rows, change)
         factors = torch.linalg.solve(gram, torch.stack((wanted + moved, wanted), dim=-1))
-        least, further = torch.einsum("brk,brnd->kbnd", factors, spread)
+        least, more = torch.einsum("brk,brnd->kbnd", factors, spread)
         size = _size(place, yaw)
-        open_wide = open_[:, None, None]
-        tried = torch.where(open_wide, least, change)
-        ahead = path_of(self.steps + tried, targets.start_place, targets.start_yaw)
         asked = torch.clamp(alpha / size, max=1.0)
-        bad = (_size(*targets.error(ahead)) > (1.0 - 0.5 * asked) * size) & open_
-        length = torch.ones_like(size)
-        for _ in range(HALVINGS):
-            if not bool(bad.any()):
-                break
-            shorter = change + length[:, None, None] * further
-            tried = torch.where(bad[:, None, None], shorter, tried)
+        tried = torch.where(open_[:, None, None], change + more if further else least, change)
+        length = torch.full_like(size, 0.5 if further else 1.0)
+        enough = size if further else (1.0 - 0.5 * asked) * size
+        for halving in range(HALVINGS + 1):
             ahead = path_of(self.steps + tried, targets.start_place, targets.start_yaw)
-            bad = bad & (_size(*targets.error(ahead)) >= size)
-            length = 0.5 * length
-        return tried, ahead
+            lack = targets.error(ahead)
+            bad = (_size(*lack) > enough) & open_
+            if halving == HALVINGS or not bool(bad.any()):
+                break
+            tried = torch.where(bad[:, None, None], change + length[:, None, None] * more, tried)
+            length = torch.where(bad, 0.5 * length, length)
+            enough = size
+        return tried, ahead, *lack
 
     def _spread(self, rows: Tensor) -> Tensor:
         """Rows (B, R, N, 3) through the inverses of the matrices."""
