@@ -306,15 +306,7 @@ def _distal_inertia(skeleton: Skeleton, masses: Tensor, coms: Tensor, gyration: 
     inertia = torch.zeros(len(skeleton.names), 3, dtype=torch.float64)
     for joint in range(len(skeleton.names)):
         for distal in range(joint, len(skeleton.names)):
-            if _hangs_on(skeleton, distal, joint):
+            if joint in (distal, *skeleton.above(distal)):
                 arm = positions[distal] + coms[distal] - positions[joint]
                 inertia[joint] += own[distal] + masses[distal] * (arm @ arm - arm**2)
     return inertia
-
-
-def _hangs_on(skeleton: Skeleton, joint: int, ancestor: int) -> bool:
-    while joint != -1:
-        if joint == ancestor:
-            return True
-        joint = skeleton.parents[joint]
-    return False

@@ -19,7 +19,7 @@ from hopdiff.editing.contacts import Contacts, contact_points
 from hopdiff.editing.legs import Leg
 from hopdiff.editing.root_path import root_path
 from hopdiff.geometry.clip import Clip
-from hopdiff.geometry.rotation import axis_rotation
+from hopdiff.geometry.rotation import axis_rotation, between_directions, rotation_about
 
 RAMP = 0.3  # s at most in which a foot goes over from its own place to the place of a contact
 SETTLING = 0.3  # s in which the root is lowered and raised again
@@ -214,9 +214,9 @@ def _reached(clip: Clip, source: Clip, rotations: Tensor, leg: Leg, target: Tens
         at_hip, at_ankle = (
             _angle(side, other, old) - _angle(side, other, new) for side, other in ((thigh, shank), (shank, thigh))
         )
-        swing = _between(now, wanted)
-        upper = swing @ _about(axis, at_hip) @ frames[:, leg.hip]
-        lower = swing @ _about(axis, -at_ankle) @ frames[:, leg.knee]
+        swing = between_directions(now, wanted)
+        upper = swing @ rotation_about(axis, at_hip) @ frames[:, leg.hip]
+        lower = swing @ rotation_about(axis, -at_ankle) @ frames[:, leg.knee]
         above = frames[:, skeleton.parents[leg.hip]] if skeleton.parents[leg.hip] >= 0 else torch.eye(3).double()
         rotations = rotations.clone()
         rotations[:, leg.hip] = above.transpose(-1, -2) @ upper
@@ -253,21 +253,3 @@ def _bend_axis(thigh: Tensor, line: Tensor, frame: Tensor) -> Tensor:
     spare = spare - (spare * straight).sum(-1, keepdim=True) * straight
     weak = normal.norm(dim=-1, keepdim=True) < spare.norm(dim=-1, keepdim=True)
     return functional.normalize(torch.where(weak, spare, normal), dim=-1)
-
-
-def _about(axis: Tensor, angle: Tensor) -> Tensor:
-    """(T, 3, 3) right-handed rotations about unit axes (T, 3) by angles (T,) [rad]."""
-    x, y, z = axis.unbind(-1)
-    zero = torch.zeros_like(x)
-    cross = torch.stack((zero, -z, y, z, zero, -x, -y, x, zero), dim=-1).reshape(-1, 3, 3)
-    s, c = torch.sin(angle)[:, None, None], torch.cos(angle)[:, None, None]
-    return torch.eye(3, dtype=axis.dtype) + s * cross + (1.0 - c) * (cross @ cross)
-
-
-def _between(a: Tensor, b: Tensor) -> Tensor:
-    """(T, 3, 3) the least rotations that take directions (T, 3) into others."""
-    a, b = functional.normalize(a, dim=-1), functional.normalize(b, dim=-1)
-    cross = torch.linalg.cross(a, b)
-    sine = cross.norm(dim=-1)
-    axis = torch.where(sine[:, None] > 1e-12, cross / sine.clamp_min(1e-12)[:, None], torch.eye(3).double()[0])
-    return _about(axis, torch.atan2(sine, (a * b).sum(-1)))

@@ -85,7 +85,7 @@ def _named(skeleton: Skeleton, joints: Mapping[str, str]) -> tuple[Leg, ...]:
                 raise HopdiffError(f"edit.joints needs {side}_{role}, the name of a joint.")
         chain = [skeleton.index(name) for name in found.values() if name is not None]
         for upper, lower in itertools.pairwise(chain):
-            if upper not in _above(skeleton, lower):
+            if upper not in skeleton.above(lower):
                 names = skeleton.names
                 raise HopdiffError(f"edit.joints: {names[lower]!r} does not hang on {names[upper]!r}.")
         ankle, toe = (None if found[role] is None else skeleton.index(str(found[role])) for role in ("ankle", "toe"))
@@ -108,33 +108,25 @@ def _with_end(skeleton: Skeleton, leg: Leg) -> Leg | None:
     return replace(leg, ankle=max(children, key=lambda i: float(skeleton.offsets[i].norm())), toe=None)
 
 
-def _above(skeleton: Skeleton, joint: int) -> list[int]:
-    """The joints on which a joint hangs, nearest first."""
-    found = []
-    while (joint := skeleton.parents[joint]) >= 0:
-        found.append(joint)
-    return found
-
-
 def _by_name(skeleton: Skeleton, side: str) -> Leg | None:
-    plain = [_plain(name) for name in skeleton.names]
+    plain = [plain_name(name) for name in skeleton.names]
     chain: list[int] = []
     for role in ("hip", "knee", "ankle", "toe"):
         fitting = [
             i
             for i, (own, word) in enumerate(plain)
-            if own == side and word in NAMES[role] and (not chain or chain[-1] in _above(skeleton, i))
+            if own == side and word in NAMES[role] and (not chain or chain[-1] in skeleton.above(i))
         ]
         if not fitting:
             break
         # Of LHipJoint and LeftUpLeg, both hips, the one nearer to the knee; of several toes the first.
-        chain.append(max(fitting, key=lambda i: len(_above(skeleton, i))) if role == "hip" else fitting[0])
+        chain.append(max(fitting, key=lambda i: len(skeleton.above(i))) if role == "hip" else fitting[0])
     if len(chain) < 2:
         return None
     return Leg(side, chain[0], chain[1], *(chain[k] if len(chain) > k else None for k in (2, 3)))
 
 
-def _plain(name: str) -> tuple[str | None, str]:
+def plain_name(name: str) -> tuple[str | None, str]:
     """Side and bare word of a joint's name: ("left", "upleg") of "mixamorig:LeftUpLeg"."""
     word = name.rsplit(":", 1)[-1]
     word = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", word)
@@ -162,7 +154,7 @@ def _by_shape(skeleton: Skeleton) -> tuple[Leg, ...]:
     for leaf in range(len(skeleton.names)):
         if skeleton.children(leaf):
             continue
-        chain = [leaf, *_above(skeleton, leaf)][::-1]
+        chain = [leaf, *skeleton.above(leaf)][::-1]
         # The chain of its own: below the last joint that has several children on the way up to a hip.
         chain = [i for i in chain if abs(float(place[i, 0])) > 1e-4]
         end = skeleton.end_sites.get(skeleton.names[leaf])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 POLE = 1e-9  # sine of the angle between the outer two axes below which they count as one
 _AXES = {"X": 0, "Y": 1, "Z": 2}
@@ -25,6 +26,27 @@ def axis_rotation(axis: str, angle: Tensor) -> Tensor:
         "Z": (c, -s, zero, s, c, zero, zero, zero, one),
     }[axis]
     return torch.stack(rows, dim=-1).reshape(*angle.shape, 3, 3)
+
+
+def rotation_about(axis: Tensor, angle: Tensor) -> Tensor:
+    """(..., 3, 3) right-handed rotations about unit axes (..., 3) by angles (...) [rad]."""
+    x, y, z = axis.unbind(-1)
+    zero = torch.zeros_like(x)
+    cross = torch.stack((zero, -z, y, z, zero, -x, -y, x, zero), dim=-1).reshape(*axis.shape[:-1], 3, 3)
+    s, c = torch.sin(angle)[..., None, None], torch.cos(angle)[..., None, None]
+    return torch.eye(3, dtype=axis.dtype, device=axis.device) + s * cross + (1.0 - c) * (cross @ cross)
+
+
+def between_directions(a: Tensor, b: Tensor) -> Tensor:
+    """(..., 3, 3) the least rotations that take directions (..., 3), of any length but 0, into others."""
+    a, b = functional.normalize(a, dim=-1), functional.normalize(b, dim=-1)
+    cross = torch.linalg.cross(a, b)
+    sine = cross.norm(dim=-1)
+    # Opposite directions: about whatever lies across.
+    least = a.abs().argmin(dim=-1, keepdim=True)
+    across = torch.linalg.cross(a, torch.zeros_like(a).scatter(-1, least, 1.0))
+    axis = torch.where(sine[..., None] > 1e-12, cross, across)
+    return rotation_about(functional.normalize(axis, dim=-1), torch.atan2(sine, (a * b).sum(-1)))
 
 
 def euler_to_matrix(angles: Tensor, order: str) -> Tensor:

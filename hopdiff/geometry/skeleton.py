@@ -28,6 +28,13 @@ class Skeleton:
     def children(self, joint: int) -> list[int]:
         return [child for child, parent in enumerate(self.parents) if parent == joint]
 
+    def above(self, joint: int) -> list[int]:
+        """The joints that a joint hangs on, nearest first."""
+        found = []
+        while (joint := self.parents[joint]) >= 0:
+            found.append(joint)
+        return found
+
     def forward(self, root_position: Tensor, rotations: Tensor, offsets: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Forward kinematics.
 

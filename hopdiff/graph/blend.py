@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
-from torch import Tensor
 
 from hopdiff.geometry.clip import Clip
+from hopdiff.geometry.quaternion import slerp
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.graph.graph import Complexes, Floats, Ints, MotionGraph
 from hopdiff.types import HopdiffError
@@ -62,14 +61,6 @@ def assemble(graph: MotionGraph, pieces: Sequence[Piece]) -> Clip:
         offsets = offsets.clone()
         offsets[mixed] = torch.lerp(offsets[mixed], there.offsets, share[:, None, None])
     return replace(here, root_position=root, rotations=rotations, offsets=offsets)
-
-
-def slerp(start: Tensor, end: Tensor, share: Tensor) -> Tensor:
-    """Rotations (..., 3, 3) between two others on the shorter arc; share: (...) from 0 to 1, or what broadcasts."""
-    between = (start.transpose(-1, -2) @ end).numpy()
-    arcs = Rotation.from_matrix(between.reshape(-1, 3, 3)).as_rotvec().reshape(*between.shape[:-1])
-    part = Rotation.from_rotvec((share.unsqueeze(-1).numpy() * arcs).reshape(-1, 3)).as_matrix()
-    return start @ torch.from_numpy(part.reshape(between.shape))
 
 
 def _schedule(graph: MotionGraph, pieces: Sequence[Piece]) -> tuple[Ints, Ints, Ints, Ints, Floats]:

@@ -1,0 +1,151 @@
+"""Which joints of a skeleton are which parts of the body, whatever they are called."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hopdiff.editing.legs import SIDES, find_legs, plain_name
+from hopdiff.export.full_body import JOINTS
+from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.types import HopdiffError
+
+# The names of joints in other programs, by those of `full_body`. A root that is not the pelvis is put under it.
+SCHEMES: Mapping[str, Mapping[str, str]] = {
+    "hopdiff": {name: name for name in JOINTS},
+    "mixamo": {
+        "pelvis": "mixamorig:Hips",
+        "waist": "mixamorig:Spine",
+        "chest": "mixamorig:Spine1",
+        "upper_chest": "mixamorig:Spine2",
+        "neck": "mixamorig:Neck",
+        "head": "mixamorig:Head",
+        **{
+            f"{side.lower()}_{ours}": f"mixamorig:{side}{theirs}"
+            for side in ("Left", "Right")
+            for ours, theirs in (
+                ("collar", "Shoulder"),
+                ("shoulder", "Arm"),
+                ("elbow", "ForeArm"),
+                ("wrist", "Hand"),
+                ("hip", "UpLeg"),
+                ("knee", "Leg"),
+                ("ankle", "Foot"),
+                ("toe", "ToeBase"),
+            )
+        },
+    },
+    "unreal_mannequin": {
+        "pelvis": "pelvis",
+        "waist": "spine_01",
+        "chest": "spine_02",
+        "upper_chest": "spine_03",
+        "neck": "neck_01",
+        "head": "head",
+        **{
+            f"{side}_{ours}": f"{theirs}_{side[0]}"
+            for side in SIDES
+            for ours, theirs in (
+                ("collar", "clavicle"),
+                ("shoulder", "upperarm"),
+                ("elbow", "lowerarm"),
+                ("wrist", "hand"),
+                ("hip", "thigh"),
+                ("knee", "calf"),
+                ("ankle", "foot"),
+                ("toe", "ball"),
+            )
+        },
+    },
+}
+GROUND_ROOT = {"unreal_mannequin": "root"}  # schemes whose root is a joint on the ground, and its name
+
+# What parts that are no legs are called, without the side, letters only.
+_ARM = {
+    "shoulder": ("arm", "upperarm", "uparm", "humerus", "shoulder"),
+    "elbow": ("forearm", "lowerarm", "lowarm", "elbow", "radius"),
+    "wrist": ("hand", "wrist"),
+}
+_COLLAR = ("clavicle", "collar", "collarbone", "shoulder")
+_MIDDLE = {"neck": ("neck",), "head": ("head",)}
+
+
+def parts_of(skeleton: Skeleton) -> dict[str, int]:
+    """Part of the body, by the names of `full_body`, -> joint; without the parts that were not found.
+
+    The legs as editing finds them, arms by their names, the trunk by what lies between pelvis and neck.
+    """
+    names = skeleton.names
+    for scheme in SCHEMES.values():
+        if set(scheme.values()) <= set(names):
+            return {part: skeleton.index(name) for part, name in scheme.items()}
+    found: dict[str, int] = {}
+    for leg in find_legs(skeleton):
+        parts = {"hip": leg.hip, "knee": leg.knee, "ankle": leg.ankle, "toe": leg.toe}
+        found |= {f"{leg.side}_{part}": joint for part, joint in parts.items() if joint is not None}
+    plain = [plain_name(name) for name in names]
+    for side in SIDES:
+        arm: dict[str, int] = {}
+        above = -1
+        for part, words in _ARM.items():
+            fitting = [
+                (words.index(word), joint)
+                for joint, (own, word) in enumerate(plain)
+                if own == side and word in words and (above < 0 or above in skeleton.above(joint))
+            ]
+            if not fitting:
+                break
+            above = arm[part] = min(fitting)[1]
+        collar = [
+            joint
+            for joint, (own, word) in enumerate(plain)
+            if own == side and word in _COLLAR and "shoulder" in arm and joint in skeleton.above(arm["shoulder"])
+        ]
+        if collar:
+            arm["collar"] = collar[0]
+        if "elbow" in arm:
+            found |= {f"{side}_{part}": joint for part, joint in arm.items()}
+    for part, words in _MIDDLE.items():
+        fitting_middle = [joint for joint, (own, word) in enumerate(plain) if own is None and word in words]
+        if fitting_middle:
+            found[part] = fitting_middle[0]
+    return found | _trunk(skeleton, found)
+
+
+def _trunk(skeleton: Skeleton, found: Mapping[str, int]) -> dict[str, int]:
+    """Pelvis: where both legs hang; waist, chest and upper chest: of the chain from there to the neck or the arms."""
+    hips = [found[f"{side}_hip"] for side in SIDES if f"{side}_hip" in found]
+    if len(hips) < len(SIDES):
+        return {}
+    shared = [joint for joint in skeleton.above(hips[0]) if joint in skeleton.above(hips[1])]
+    if not shared:
+        return {}
+    # A root on the ground, or a joint of the same place above it, is not the pelvis if something nearer is.
+    trunk = {"pelvis": shared[0]}
+    top = next((found[part] for part in ("neck", "left_collar", "left_shoulder", "head") if part in found), None)
+    if top is not None and shared[0] in skeleton.above(top):
+        chain = [joint for joint in reversed(skeleton.above(top)) if shared[0] in skeleton.above(joint)]
+        if chain:
+            trunk["waist"] = chain[0]
+        if len(chain) > 2:
+            trunk["chest"] = chain[len(chain) // 2]
+        if len(chain) > 1:
+            trunk["upper_chest"] = chain[-1]
+    return trunk
+
+
+def renamed(skeleton: Skeleton, scheme: str) -> Skeleton:
+    """The skeleton with its joints called as another program calls them; joints that it does not know keep their name.
+
+    Raises HopdiffError if none of its parts can be told.
+    """
+    parts = parts_of(skeleton)
+    if not parts:
+        raise HopdiffError(f"names={scheme}: no part of this skeleton can be told by its joints' names.")
+    names = list(skeleton.names)
+    for part, joint in parts.items():
+        names[joint] = SCHEMES[scheme][part]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise HopdiffError(f"names={scheme}: two joints of this skeleton would be called {twice!r}.")
+    ends = {names[skeleton.index(name)]: end for name, end in skeleton.end_sites.items()}
+    return Skeleton(tuple(names), skeleton.parents, skeleton.offsets, ends)

@@ -1,0 +1,156 @@
+"""A motion ready to leave hopdiff: a clip, and what else is known of it frame by frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from hopdiff.editing.contacts import contact_points, find_contacts
+from hopdiff.editing.legs import find_legs
+from hopdiff.editing.loop import is_loop, repeated, repetitions
+from hopdiff.geometry.clip import Clip
+from hopdiff.geometry.quaternion import slerp
+from hopdiff.motion import Motion
+from hopdiff.numerics import GRAVITY
+from hopdiff.types import HopdiffError
+
+RIGID = 1e-3  # m by which joints may move against their parents and still be taken for fixed
+MAX_FRAMES = 1_000_000
+PLACES = ("feet", "com")  # fields that are points in the world
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """A clip with a name, in float64 on the CPU.
+
+    loop: whether the last frame is the first of a repetition. contact: (T, 2) bool, left and right foot on the ground.
+    feet: (T, 2, 3) their contact points [m]. com: (T, 3) centre of mass [m]. leg_force: (T, 2) along each leg [N].
+    What is not known is None. numbers: about the motion, for people (what metrics.json holds).
+    """
+
+    name: str
+    clip: Clip
+    loop: bool
+    contact: Tensor | None = None
+    feet: Tensor | None = None
+    com: Tensor | None = None
+    leg_force: Tensor | None = None
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def frames(self) -> int:
+        return self.clip.frames
+
+    @classmethod
+    def of_motion(cls, name: str, motion: Motion, mass: float, numbers: Mapping[str, Any], loop: bool = True) -> Take:
+        """A run of hopdiff's own. mass: of the body [kg]."""
+        body_weight = mass * GRAVITY
+        return cls(
+            name,
+            _plain(motion.clip),
+            loop,
+            motion.contact.cpu(),
+            motion.feet.double().cpu(),
+            motion.com.double().cpu(),
+            motion.leg_force.double().cpu() * body_weight,
+            dict(numbers),
+        )
+
+    @classmethod
+    def of_clip(cls, name: str, clip: Clip, numbers: Mapping[str, Any]) -> Take:
+        """Any clip; contacts are found where its legs are."""
+        clip = _plain(clip)
+        legs = find_legs(clip.skeleton)
+        if not legs or clip.frames < 2:
+            return cls(name, clip, is_loop(clip), numbers=dict(numbers))
+        contacts = find_contacts(clip, legs)
+        points = contact_points(clip, contacts)
+        own = [[i for i, (leg, _) in enumerate(contacts.points) if leg == k] for k in range(len(legs))]
+        contact = torch.stack([contacts.touching[:, one].any(dim=-1) for one in own], dim=-1)
+        feet = torch.stack([points[:, one].mean(dim=1) for one in own], dim=1)
+        return cls(name, clip, is_loop(clip), contact, feet, numbers=dict(numbers))
+
+    def repeated(self, count: int) -> Take:
+        """A loop laid end to end. Raises HopdiffError, naming the take, for a motion that is no loop."""
+        if count == 1:
+            return self
+        if not self.loop:
+            raise HopdiffError(f"cycles={count}: {self.name} is no loop, it does not end as it began.")
+        if count * (self.frames - 1) >= MAX_FRAMES:
+            raise HopdiffError(f"cycles={count} makes more than {MAX_FRAMES} frames of {self.name}.")
+        places = repetitions(self.clip, count)
+        others: dict[str, Any] = {
+            entry: torch.cat(
+                (values[:1], *(one.points(values[1:]) if entry in PLACES else values[1:] for one in places))
+            )
+            for entry, values in _along(self).items()
+        }
+        return replace(self, clip=repeated(self.clip, count), **others)
+
+    def resampled(self, fps: float, exact: bool) -> Take:
+        """The same motion, as fast, at other frames a second.
+
+        exact: whether frames lie exactly 1 / fps apart, and a loop then ends up to a frame early; otherwise a whole
+        number of frames fills the duration, and the time between them is as near to 1 / fps as that allows.
+        """
+        duration = self.clip.duration
+        if duration <= 0.0:
+            return self
+        if duration * fps >= MAX_FRAMES:
+            raise HopdiffError(f"fps={fps:g} makes more than {MAX_FRAMES} frames of {self.name}.")
+        count = max(1, math.floor(duration * fps + 1e-6) if exact else round(duration * fps))
+        frame_time = 1.0 / fps if exact else duration / count
+        times = torch.arange(count + 1, dtype=torch.float64) * frame_time / self.clip.frame_time
+        if len(times) == self.frames and float((times - torch.arange(self.frames)).abs().max()) < 1e-9:
+            return self
+        before = times.floor().long().clamp(0, self.frames - 2)
+        share = (times - before).clamp(0.0, 1.0)
+        share = torch.where(share < 1e-9, 0.0, torch.where(share > 1.0 - 1e-9, 1.0, share))
+
+        def between(values: Tensor) -> Tensor:
+            wide = share.reshape(-1, *[1] * (values.ndim - 1))
+            return torch.lerp(values[before], values[before + 1], wide)
+
+        clip = self.clip
+        resampled = replace(
+            clip,
+            root_position=between(clip.root_position),
+            rotations=slerp(clip.rotations[before], clip.rotations[before + 1], share[:, None]),
+            frame_time=frame_time,
+            offsets=None if clip.offsets is None else between(clip.offsets),
+        )
+        nearest = torch.where(share < 0.5, before, before + 1)
+        others: dict[str, Any] = {
+            entry: values[nearest] if entry == "contact" else between(values) for entry, values in _along(self).items()
+        }
+        return replace(self, clip=resampled, **others)
+
+
+def _along(take: Take) -> dict[str, Any]:
+    """What is known for every frame besides the clip, by field."""
+    values = {entry.name: getattr(take, entry.name) for entry in fields(take)}
+    return {name: value for name, value in values.items() if isinstance(value, Tensor)}
+
+
+def _plain(clip: Clip) -> Clip:
+    """The clip in float64 on the CPU, its joints fixed to their parents where they hardly move against them."""
+    skeleton = clip.skeleton
+    ends = {name: end.detach().double().cpu() for name, end in skeleton.end_sites.items()}
+    bones, moving = skeleton.offsets.detach().double().cpu(), clip.offsets
+    if moving is not None:
+        moving = moving.detach().double().cpu()
+        mean = moving[:, 1:].mean(dim=0)
+        bones = torch.cat((bones[:1], mean))
+        moving = None if bool(((moving[:, 1:] - mean).abs() < RIGID).all()) else moving
+    return replace(
+        clip,
+        skeleton=replace(skeleton, offsets=bones, end_sites=ends),
+        root_position=clip.root_position.detach().double().cpu(),
+        rotations=clip.rotations.detach().double().cpu(),
+        offsets=moving,
+    )
