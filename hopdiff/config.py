@@ -18,6 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from hopdiff.character import Character, CharacterSettings
 from hopdiff.costs import CostSettings
+from hopdiff.export.settings import ExportSettings
 from hopdiff.genes import GeneSettings, GeneTable
 from hopdiff.graph.settings import WaySettings
 from hopdiff.messages import choose, near, one_line
@@ -29,6 +30,7 @@ from hopdiff.search import SEARCHES
 from hopdiff.search.base import Search
 from hopdiff.search.loop import Budget
 from hopdiff.tasks.edit_request import EditSettings, Request, TargetSettings, request_of
+from hopdiff.tasks.export import Exports, RetargetSettings
 from hopdiff.tasks.hopper import HopperSettings
 from hopdiff.tasks.job import Job
 from hopdiff.tasks.navigate import GraphSettings
@@ -75,6 +77,7 @@ class Config:
     dtype: str = "float64"
     threads: int = 1
     fps: float = 60.0
+    run: Any = None
     runs: str | None = None
     genes_file: str | None = None
     pictures: bool = True
@@ -98,6 +101,8 @@ class Config:
     way: WaySettings = field(default_factory=WaySettings)
     graph: GraphSettings = field(default_factory=GraphSettings)
     hopper: HopperSettings = field(default_factory=HopperSettings)
+    exports: dict[str, ExportSettings] = field(default_factory=dict)
+    retarget: RetargetSettings = field(default_factory=RetargetSettings)
 
 
 def with_new_names(words: Sequence[str]) -> list[str]:
@@ -153,7 +158,9 @@ def known_settings() -> list[str]:
                 yield from names(node[key], f"{prefix}{key}.")
 
     searches = {entry.name for search in SEARCHES.values() for entry in fields(search)}
-    return [*names(OmegaConf.to_container(compose()), ""), *(f"search.{name}" for name in searches)]
+    presets = [path.stem for path in (config_folder() / "export").glob("*.yaml")]
+    exports = [f"exports.{preset}.{entry.name}" for preset in presets for entry in fields(ExportSettings)]
+    return [*names(OmegaConf.to_container(compose()), ""), *(f"search.{name}" for name in searches), *exports]
 
 
 def checked(config: DictConfig) -> Config:
@@ -246,6 +253,12 @@ def build_request(config: DictConfig) -> tuple[Request, EditSettings]:
     settings = checked(config)
     settings.edit.check()
     return request_of(settings.target, settings.constraints, settings.path), settings.edit
+
+
+def build_exports(config: DictConfig) -> Exports:
+    """What is to be written for other programs. Raises HopdiffError, naming the setting."""
+    settings = checked(config)
+    return Exports.build(settings.exports, settings.retarget)
 
 
 def check_numbers(settings: Config) -> None:

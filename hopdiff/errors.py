@@ -54,7 +54,9 @@ def sentence(error: BaseException, known: Callable[[], Iterable[str]]) -> str | 
 
 def _missing_choice(error: MissingConfigException) -> str:
     group, _, name = str(error.missing_cfg_file or "").rpartition("/")
-    if not group or not error.options:
+    if group and not error.options:  # one of a list of choices
+        return f"Unknown {group} {name!r}: python -m hopdiff --help lists what there is."
+    if not error.options:
         return f"Unknown group {group or name!r}: python -m hopdiff --help lists the groups."
     return unknown(group, name, error.options)
 
@@ -83,6 +85,8 @@ def _composition(error: ConfigCompositionException, known: Callable[[], Iterable
 def _setting(error: OmegaConfBaseException, key: str, text: str, known: Callable[[], Iterable[str]]) -> str:
     """The sentence for a setting with a wrong name or value."""
     if isinstance(error, ConfigAttributeError | ConfigKeyError):
+        if found := re.fullmatch(r"exports\.(\w+)", key):
+            return f"{key} is there once it is chosen: add export=[{found.group(1)}]."
         guess = near(key, known())
         return f"Unknown setting {key!r}.{guess or ' python -m hopdiff --help lists the settings.'}"
     if found := re.search(r"Interpolation key '(.+?)' not found", text):

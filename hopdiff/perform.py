@@ -11,6 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 from hopdiff.character import Character
 from hopdiff.config import (
     build_character,
+    build_exports,
     build_job,
     build_request,
     build_route,
@@ -24,6 +25,7 @@ from hopdiff.messages import choose
 from hopdiff.tasks.body import body
 from hopdiff.tasks.compare import compare
 from hopdiff.tasks.edit import run_edit
+from hopdiff.tasks.export import export, export_result, sources_of
 from hopdiff.tasks.hopper import hopper
 from hopdiff.tasks.job import threads
 from hopdiff.tasks.navigate import NavigateSettings, navigate
@@ -32,7 +34,8 @@ from hopdiff.tasks.replay import replay
 from hopdiff.tasks.run import run
 from hopdiff.types import HopdiffError
 
-TASKS = ("run", "replay", "compare", "path", "edit", "navigate", "hopper", "body")
+TASKS = ("run", "replay", "compare", "path", "edit", "navigate", "export", "hopper", "body")
+MOTIONS = ("run", "replay", "path", "edit", "navigate")  # tasks whose folders hold a motion
 
 
 def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
@@ -40,7 +43,23 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
 
     Returns whether the user broke it off. Raises HopdiffError for whatever the user can put right.
     """
-    match choose("task.name", config.task.name, TASKS):
+    task = choose("task.name", config.task.name, TASKS)
+    exports = build_exports(config)
+    if task == "export":
+        settings = checked(config)
+        export(sources_of(settings.run, settings.runs), exports, folder, plain_settings(config), list(command))
+        return False
+    if exports and task not in MOTIONS:
+        raise HopdiffError(f"export has no effect with task={task}, which makes no motion.")
+    interrupted = _performed(task, config, folder, command)
+    if exports:
+        export_result(folder, exports)
+    return interrupted
+
+
+def _performed(task: str, config: DictConfig, folder: Path, command: Sequence[str]) -> bool:
+    """Any task but export; returns whether the user broke it off."""
+    match task:
         case "compare":
             if (runs := checked(config).runs) is None:
                 raise HopdiffError("task=compare needs runs=FOLDER, a folder with run folders in it.")

@@ -76,7 +76,7 @@ def clean_feet(
     cleaned = replace(edited, root_position=root)
     rotations = cleaned.rotations.double().clone()
     for leg, target, more in zip(legs, targets, turns, strict=True):
-        rotations = _reached(cleaned, source, rotations, leg, target, more)
+        rotations = reached(cleaned, source, rotations, leg, target, more)
     return replace(cleaned, rotations=rotations.to(edited.rotations))
 
 
@@ -194,7 +194,7 @@ def _length(clip: Clip, leg: Leg) -> Tensor:
     return thigh + (_ankle(clip, leg) - positions[:, leg.knee]).norm(dim=-1)
 
 
-def _reached(clip: Clip, source: Clip, rotations: Tensor, leg: Leg, target: Tensor, turn: Tensor) -> Tensor:
+def reached(clip: Clip, source: Clip, rotations: Tensor, leg: Leg, target: Tensor, turn: Tensor) -> Tensor:
     """Rotations (T, J, 3, 3) with a leg bent and swung so that its ankle is at the target (T, 3), in the plane in
     which it is bent; its foot is that of the source turned about y (T,)."""
     skeleton = clip.skeleton

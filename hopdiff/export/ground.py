@@ -2,27 +2,53 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
 from hopdiff.editing.root_path import RootPath, root_path
 from hopdiff.export.take import Take
 
+FACING = math.radians(15.0)  # between facing and way up to which a body counts as facing its way
+SLOW = 0.2  # m/s below which a way has no direction
 STRIDE = 1.0  # s over which the way is averaged where the time of a stride is not known
 
 
 def ground_path(take: Take) -> RootPath:
     """Place (T, 2) [m] and yaw (T,) [rad] of a take, averaged over a stride so that sway and bounce are left out.
 
-    Of one stride that repeats itself this is the straight way from its first frame to its last.
+    Of one stride that repeats itself this is the straight way from its first frame to its last. A body that goes about
+    where it faces heads along its way.
     """
     path = root_path(take.clip)
-    stride = float(take.numbers.get("stride_time") or STRIDE)
+    stride = _stride(take)
     window = min(max(1, round(stride / take.clip.frame_time)), take.frames - 1)
     values = torch.cat((path.place, path.yaw[:, None]), dim=-1)
     if take.frames < 3:
         return path
-    return _split(_averaged(values, window, take.loop))
+    return _headed(_split(_averaged(values, window, take.loop)), take.clip.frame_time)
+
+
+def _stride(take: Take) -> float:
+    """Seconds of a stride, two steps."""
+    known = take.numbers.get("stride_time")
+    if isinstance(known, int | float) and known > 0.0:
+        return float(known)
+    # A short loop is one.
+    return take.clip.duration if take.loop and take.clip.duration < 2.0 * STRIDE else STRIDE
+
+
+def _headed(path: RootPath, frame_time: float) -> RootPath:
+    """The path with its yaw turned so that it is, on the whole, that of the way, if the two differ little."""
+    moved = path.place.diff(dim=0)
+    way = moved.norm(dim=-1)
+    if float(way.mean()) < SLOW * frame_time:
+        return path
+    off = 0.5 * (path.yaw[1:] + path.yaw[:-1]) - torch.atan2(moved[:, 0], moved[:, 1])
+    aside = torch.atan2((way * torch.sin(off)).sum(), (way * torch.cos(off)).sum())
+    return replace(path, yaw=path.yaw - aside) if abs(float(aside)) < FACING else path
 
 
 def _averaged(values: Tensor, window: int, loop: bool) -> Tensor:

@@ -30,7 +30,8 @@ class Take:
 
     loop: whether the last frame is the first of a repetition. contact: (T, 2) bool, left and right foot on the ground.
     feet: (T, 2, 3) their contact points [m]. com: (T, 3) centre of mass [m]. leg_force: (T, 2) along each leg [N].
-    What is not known is None. numbers: about the motion, for people (what metrics.json holds).
+    masses: of the body's eleven segments by joint [kg]. What is not known is None. numbers: about the motion, for
+    people (what metrics.json holds).
     """
 
     name: str
@@ -40,6 +41,7 @@ class Take:
     feet: Tensor | None = None
     com: Tensor | None = None
     leg_force: Tensor | None = None
+    masses: Mapping[str, float] | None = None
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -47,17 +49,18 @@ class Take:
         return self.clip.frames
 
     @classmethod
-    def of_motion(cls, name: str, motion: Motion, mass: float, numbers: Mapping[str, Any], loop: bool = True) -> Take:
-        """A run of hopdiff's own. mass: of the body [kg]."""
-        body_weight = mass * GRAVITY
+    def of_motion(cls, name: str, motion: Motion, masses: Mapping[str, float], numbers: Mapping[str, Any]) -> Take:
+        """A run of hopdiff's own. masses: of its segments by joint [kg]."""
+        clip = _plain(motion.clip)
         return cls(
             name,
-            _plain(motion.clip),
-            loop,
+            clip,
+            is_loop(clip),
             motion.contact.cpu(),
             motion.feet.double().cpu(),
             motion.com.double().cpu(),
-            motion.leg_force.double().cpu() * body_weight,
+            motion.leg_force.double().cpu() * sum(masses.values()) * GRAVITY,
+            dict(masses),
             dict(numbers),
         )
 

@@ -13,7 +13,7 @@ from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.euler import continuous_euler
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.bvh_channels import BvhJoint
-from hopdiff.io.bvh_file import BvhFile
+from hopdiff.io.bvh_file import AXES, BvhFile
 from hopdiff.io.bvh_guess import guess_unit, guess_up, unit_of, up_of
 from hopdiff.io.bvh_parse import parse_bvh, read_bytes
 from hopdiff.types import HopdiffError
@@ -41,33 +41,46 @@ def read_bvh(path: str | os.PathLike[str], unit: float | str | None = None, up: 
     return BvhFile(parsed.joints, values, parsed.frame_time, *decimals, metres, axis, parsed.encoding)
 
 
-def write_bvh(path: str | os.PathLike[str], clip: Clip, order: str = "ZXY", unit: float = 1.0) -> None:
+def write_bvh(path: str | os.PathLike[str], clip: Clip, order: str = "ZXY", unit: float = 1.0, up: str = "y") -> None:
     """Write a clip as BVH; the file appears whole or not at all.
 
-    order: Euler order of every joint's channels. unit: file units in a metre (1 writes metres, 100 centimetres).
-    Positions are written to a micrometre or finer, angles to 1e-6 degrees and without jumps along time. The root has
-    no offset of its own, so readers that add it to the root channels and readers that do not agree.
-    Raises HopdiffError for an unknown order, a unit that is not positive, numbers that are not finite, joints that
-    move against their parents, joint names that are the same once blanks are replaced, or a file that cannot be
-    written.
+    order: Euler order of every joint's channels. unit: file units in a metre (1 writes metres, 100 centimetres). up:
+    the file's axis that points up; with z the body faces the file's -y. Positions are written to a micrometre or
+    finer, angles to 1e-6 degrees and without jumps along time. The root has no offset of its own, so readers that add
+    it to the root channels and readers that do not agree; joints that move against their parents have position
+    channels, which take the place of their offset.
+    Raises HopdiffError for an unknown order, a unit that is not positive, a motion without frames, numbers that are
+    not finite, joint names that are the same once blanks are replaced, or a file that cannot be written.
     """
     if order not in EULER_ORDERS:
         raise HopdiffError(f"BVH order must be one of {', '.join(EULER_ORDERS)}, not {order!r}.")
     if not (math.isfinite(unit) and unit > 0):
         raise HopdiffError(f"BVH unit must be a positive number of file units in a metre, not {unit}.")
-    if not (torch.isfinite(clip.root_position).all() and torch.isfinite(clip.rotations).all()):
+    if clip.frames == 0:
+        raise HopdiffError(f"cannot write {path}: the motion has no frames.")
+    moving = clip.skeleton.offsets if clip.offsets is None else clip.offsets
+    if not all(bool(torch.isfinite(values).all()) for values in (clip.root_position, clip.rotations, moving)):
         raise HopdiffError(f"cannot write {path}: the motion holds a number that is not finite.")
     if not (math.isfinite(clip.frame_time) and clip.frame_time > 0):
         raise HopdiffError(f"cannot write {path}: the time between frames must be positive, not {clip.frame_time}.")
-    if clip.offsets is not None:
-        raise HopdiffError(f"cannot write {path}: its joints move against their parents (BvhFile.with_motion can).")
+    axes = torch.tensor(AXES[up_of(up)], dtype=torch.float64)
     decimals = 6 + max(0, math.ceil(-math.log10(unit)))
     numbering = _depth_first(clip.skeleton)
-    joints = _joints(clip.skeleton, numbering, order, unit, decimals)
-    root = (clip.root_position.detach().double() * unit).cpu()
-    angles = torch.rad2deg(continuous_euler(clip.rotations[:, numbering].detach().double(), order)).cpu()
-    values = torch.cat((root.round(decimals=decimals), angles.reshape(clip.frames, -1).round(decimals=6)), dim=1)
-    BvhFile(joints, values, round(clip.frame_time, 10) or clip.frame_time, decimals, decimals, 1.0 / unit).write(path)
+    # Rows of places and columns of rotations, in the file's axes.
+    places = (moving.detach().double().cpu() @ axes * unit).expand(clip.frames, -1, -1)
+    root = clip.root_position.detach().double().cpu() @ axes * unit
+    rotations = axes.T @ clip.rotations[:, numbering].detach().double().cpu() @ axes
+    angles = torch.rad2deg(continuous_euler(rotations, order)).round(decimals=6)
+    free = [joint == 0 or bool((places[:, joint] != places[0, joint]).any()) for joint in range(len(numbering))]
+    joints = _joints(clip.skeleton, numbering, order, axes * unit, decimals, free)
+    columns = []
+    for at, joint in enumerate(numbering):
+        if free[joint]:
+            columns.append((root if joint == 0 else places[:, joint]).round(decimals=decimals))
+        columns.append(angles[:, at])
+    values = torch.cat(columns, dim=1)
+    frame_time = round(clip.frame_time, 10) or clip.frame_time
+    BvhFile(joints, values, frame_time, decimals, decimals, 1.0 / unit, up_of(up)).write(path)
 
 
 def _depth_first(skeleton: Skeleton) -> list[int]:
@@ -79,23 +92,28 @@ def _depth_first(skeleton: Skeleton) -> list[int]:
     return joints
 
 
-def _joints(skeleton: Skeleton, numbering: list[int], order: str, unit: float, decimals: int) -> tuple[BvhJoint, ...]:
-    """A skeleton as the joints of a file: six channels for the root, three for the others, all ends closed."""
+def _joints(
+    skeleton: Skeleton, numbering: list[int], order: str, axes: torch.Tensor, decimals: int, free: list[bool]
+) -> tuple[BvhJoint, ...]:
+    """A skeleton as the joints of a file: six channels for the free ones, three for the others, all ends closed.
+
+    axes: (3, 3), takes places in metres (as rows) into the file's axes and units.
+    """
     names = [re.sub(r"\s+", "_", name.strip()) for name in skeleton.names]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise HopdiffError(f"BVH needs different joint names, but {twice!r} occurs twice.")
     rotations = tuple(f"{axis}rotation" for axis in order)
-    nowhere = torch.zeros(3)
+    nowhere = torch.zeros(3, dtype=torch.float64)
 
     def place(metres: torch.Tensor) -> tuple[float, float, float]:
-        x, y, z = np.round(metres.detach().double().cpu().numpy() * unit, decimals).tolist()
+        x, y, z = np.round((metres.detach().double().cpu() @ axes.double()).numpy(), decimals).tolist()
         return x, y, z
 
     joints = []
     for joint in numbering:
         parent, name = skeleton.parents[joint], skeleton.names[joint]
-        channels = ("Xposition", "Yposition", "Zposition", *rotations) if parent < 0 else rotations
+        channels = ("Xposition", "Yposition", "Zposition", *rotations) if free[joint] else rotations
         leaf = not skeleton.children(joint)
         ends = (place(skeleton.end_sites.get(name, nowhere)),) if leaf else ()
         offset = place(nowhere if parent < 0 else skeleton.offsets[joint])

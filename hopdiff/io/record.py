@@ -60,7 +60,7 @@ def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write a JSON file that every reader takes: numbers that are not finite become null."""
-    write_whole(path, json.dumps(_finite(content), indent=2, allow_nan=False) + "\n")
+    write_whole(path, json.dumps(finite(content), indent=2, allow_nan=False) + "\n")
 
 
 def versions(command: Sequence[str]) -> dict[str, Any]:
@@ -110,11 +110,12 @@ def _version(name: str) -> str | None:
         return None
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """Plain data whose numbers that are not finite have become None."""
     if isinstance(value, Mapping):
-        return {str(key): _finite(entry) for key, entry in value.items()}
+        return {str(key): finite(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
+        return [finite(entry) for entry in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

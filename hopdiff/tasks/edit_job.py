@@ -100,6 +100,8 @@ def edit(source: Source, request: Request, settings: EditSettings) -> Edit:
         "clip": source.name,
         "frames": clip.frames,
         "frame_time": clip.frame_time,
+        "unit": 1.0 if source.file is None else source.file.unit,
+        "up": "y" if source.file is None else source.file.up,
         "repeats": source.repeats,
         "variant": settings.variant,
         "constraints": len(constraints),

@@ -83,6 +83,8 @@ def navigate(
     numbers = {
         "scene": scene.name,
         "clips": list(wish.clips),
+        "unit": files[0].unit,
+        "up": files[0].up,
         "graph_seconds": built,
         **graph.numbers(),
         **way.numbers,

@@ -14,7 +14,6 @@ from torch import Tensor
 from hopdiff import costs
 from hopdiff.genes import FROUDE_RANGE
 from hopdiff.geometry.curve import PlaneCurve, curve_through
-from hopdiff.io.bvh import write_bvh
 from hopdiff.io.points import read_points
 from hopdiff.io.record import prepare_folder, write_table
 from hopdiff.metrics import loop_error, stance_foot_drift
@@ -26,7 +25,7 @@ from hopdiff.plots.animation import write_path_gif
 from hopdiff.plots.path import oblique_figure, path_figure
 from hopdiff.problem import RunProblem
 from hopdiff.tasks.job import Job, Run, make_run
-from hopdiff.tasks.results import Figures, search_figures, shown, write_numbers, write_pictures
+from hopdiff.tasks.results import Figures, search_figures, shown, write_motion, write_numbers, write_pictures
 from hopdiff.tasks.run import searched
 from hopdiff.types import HopdiffError
 
@@ -218,7 +217,7 @@ def path_metrics(route: Route, motion: Motion, strides: int) -> dict[str, Any]:
 def write_path_run(folder: Path, job: Job, route: Route, run: Run, command: list[str]) -> None:
     """Write everything a run along a path leaves behind. Raises HopdiffError if a file cannot be written."""
     motion = run.motion
-    write_bvh(folder / "motion.bvh", run.clip)
+    write_motion(folder, job, run)
     arc = route.curve.length * torch.arange(run.clip.frames, dtype=torch.float64) / (run.clip.frames - 1)
     point, heading = route.curve.position(arc), route.curve.heading(arc)
     rows = torch.cat((torch.stack((motion.times.cpu().double(), arc), dim=-1), point, heading[:, None]), dim=-1)

@@ -529,8 +529,10 @@ def test_clips_of_our_own_come_back(tmp_path: Path) -> None:
     assert found.unit == 0.01
     torch.testing.assert_close(found.clip().joint_positions(), clip.joint_positions(), atol=1e-6, rtol=0)
     moving = read_bvh(saved(tmp_path, FILES["six channels everywhere"])).clip()
-    with pytest.raises(HopdiffError, match="move against their parents"):
-        write_bvh(tmp_path / "c.bvh", moving)
+    write_bvh(tmp_path / "c.bvh", moving, unit=100, up="z")
+    again = read_bvh(tmp_path / "c.bvh")
+    assert (again.unit, again.up) == (0.01, "z")
+    torch.testing.assert_close(again.clip().joint_positions(), moving.joint_positions(), atol=1e-6, rtol=0)
 
 
 @pytest.mark.parametrize("unit", [1.0, 100.0])

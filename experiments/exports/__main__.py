@@ -1,0 +1,161 @@
+"""Do exports arrive in other programs as they left? python -m experiments.exports --clips FOLDER"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+from PIL import Image
+
+from experiments.bench.__main__ import processor
+from experiments.exports.blender import import_options, look
+from experiments.exports.measure import (
+    Exported,
+    blender_rows,
+    export_all,
+    feet_rows,
+    in_blender,
+    seam_rows,
+    skating_rows,
+    timing_rows,
+    validator_rows,
+)
+from experiments.exports.runs import captured_clips, own_runs, presets
+from experiments.exports.validator import VARIABLE, modules
+from experiments.report import markdown
+from hopdiff.export.fbx import find_blender
+from hopdiff.export.take import Take
+from hopdiff.io.files import write_whole
+from hopdiff.types import HopdiffError
+
+HERE = Path(__file__).parent
+PICTURED = 0.4  # of the brisk run's stride, in flight
+COLOURS = 128  # of the picture, which keeps its file small
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(prog="python -m experiments.exports", description=__doc__)
+    parser.add_argument("--clips", type=Path, help="folder of captured BVH files, for the skating ratio")
+    parser.add_argument("--blender", help="Blender, or a Python that has bpy (or HOPDIFF_BLENDER)")
+    parser.add_argument("--evaluations", type=int, default=2000, help="budget of each search")
+    parser.add_argument("--rounds", type=int, default=7, help="timings of each kind, in turns; the median counts")
+    parser.add_argument("--out", type=Path, default=HERE, help="folder for results.md and pictures")
+    given = parser.parse_args(arguments)
+    torch.set_num_threads(1)
+    program = blender(given.blender)
+    runs = list(own_runs(given.evaluations).values())
+    # Pages are looked at in a browser.
+    wanted = {name: one for name, one in presets().items() if one.kind != "html" and (one.kind != "fbx" or program)}
+    with tempfile.TemporaryDirectory(prefix="hopdiff_exports_") as folder:
+        files = export_all(runs, wanted, Path(folder))
+        parts = [
+            f"{processor()}, 1 thread, torch {torch.__version__}, Python {platform.python_version()}; searches of"
+            f" {given.evaluations} evaluations; presets: {', '.join(wanted)}.",
+            "",
+            *blender_part(program, files),
+            *validator_part(files),
+            *feet_part(files, runs, given.clips),
+            "## Time",
+            "",
+            "A minute at 60 frames/s on 22 joints, written in turns; bytes are those of a joint and frame.",
+            "",
+            markdown(
+                ("kind", "frames", "ms", "s of motion / s", "kB", "bytes"),
+                timing_rows(runs[1], Path(folder), given.rounds),
+            ),
+        ]
+        if program:
+            picture(program, files, given.out / "pictures")
+    text = "\n".join(parts)
+    write_whole(given.out / "results.md", text)
+    print(text)
+
+
+def blender(setting: str | None) -> str | None:
+    """The Blender to use, if there is one."""
+    try:
+        return find_blender(setting)
+    except HopdiffError as error:
+        if setting:
+            raise
+        print(f"Without Blender: {error}")
+        return None
+
+
+def blender_part(program: str | None, files: Sequence[Exported]) -> list[str]:
+    if program is None:
+        return ["## Blender", "", "Left out: there was no Blender.", ""]
+    found = in_blender(program, files)
+    return [
+        f"## Blender {found[0][1].version}",
+        "",
+        "Every tenth frame: farthest that any bone begins from our joint, in the exported motion and in the run before"
+        " anything was done to it for the export (hips, shoulders, elbows, neck: joints that exports leave alone)."
+        " Size: of the joints, over ours. Up, facing: between their spine, or their hips, and ours; ours face Blender's"
+        " front view. Duration: over ours.",
+        "",
+        markdown(
+            ("preset", "run", "bones", "frames", "off mm", "off run mm", "size", "up deg", "facing deg", "duration"),
+            blender_rows(found),
+        ),
+    ]
+
+
+def validator_part(files: Sequence[Exported]) -> list[str]:
+    if (folder := modules()) is None:
+        return ["## Khronos glTF validator", "", f"Left out: {VARIABLE} names no folder with gltf-validator.", ""]
+    rows = validator_rows(files, folder)
+    return [
+        f"## Khronos glTF validator {rows[0][-1]}",
+        "",
+        markdown(
+            ("preset", "motions", "kB", "errors", "warnings", "infos", "hints"),
+            [row[:-1] for row in rows],
+        ),
+    ]
+
+
+def feet_part(files: Sequence[Exported], runs: Sequence[Take], clips: Path | None) -> list[str]:
+    captured = captured_clips(clips)
+    note = "" if captured else " Captured clips are left out: --clips names no folder that has them."
+    return [
+        "## Feet",
+        "",
+        "Read back from the files, while a foot stands: how far over the ground the joint of its toes gets from where"
+        " it began, how fast it moves, and its least and greatest height.",
+        "",
+        markdown(("preset", "run", "drift mm", "mm/s at most", "lowest mm", "highest mm"), feet_rows(files)),
+        "## Skating",
+        "",
+        "Ratio: share of the intervals between frames at 20 frames/s in which the toe joint of either foot is lower"
+        " than 5 cm at both ends, faster than 0.5 m/s over the ground, and so in the mean over the 5 about it;"
+        f" the ground is at the lowest place of the toes.{note}",
+        "",
+        markdown(("motion", "", "s", "ratio", "standing m/s", "standing mm"), skating_rows(runs, captured)),
+        "## Loops",
+        "",
+        "Where the last frame is followed by the first of the next time: how far joints are from where they begin, and"
+        " how much the velocity of any joint changes there, against the largest change between frames elsewhere.",
+        "",
+        markdown(("preset", "run", "gap mm", "seam m/s", "elsewhere m/s", "ratio"), seam_rows(files)),
+    ]
+
+
+def picture(program: str, files: Sequence[Exported], folder: Path) -> None:
+    """Blender's picture of the brisk run in the plain GLB file."""
+    file = next(file for file in files if file.preset == "glb")
+    folder.mkdir(parents=True, exist_ok=True)
+    brisk = next(k for k, take in enumerate(file.takes) if take.name == "brisk")
+    target, moment = folder / "blender.png", PICTURED * file.takes[brisk].clip.duration
+    look(program, file.path, "glb", file.takes, file.runs, import_options(file.settings), (target, moment, "brisk"))
+    with Image.open(target) as whole:
+        few = whole.convert("RGB").quantize(COLOURS)
+    few.save(target, optimize=True)
+
+
+if __name__ == "__main__":
+    main()

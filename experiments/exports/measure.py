@@ -1,0 +1,203 @@
+"""Rows of the study's tables."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.exports.blender import Seen, import_options, look
+from experiments.exports.feet import seam, skating_ratio, standing, toes
+from experiments.exports.glb import read_glb
+from experiments.exports.runs import cut, lasting
+from experiments.exports.validator import validate
+from hopdiff.export.full_body import full_body
+from hopdiff.export.glb import glb_bytes
+from hopdiff.export.prepare import prepared
+from hopdiff.export.settings import UNITS, ExportSettings
+from hopdiff.export.take import Take
+from hopdiff.export.write import write_exports
+from hopdiff.geometry.clip import Clip
+from hopdiff.io.bvh import read_bvh, write_bvh
+from hopdiff.io.files import write_whole
+
+MINUTE, FRAME_RATE = 60.0, 60.0  # s and frames/s of the motion whose writing is timed
+SKATED = 10.0  # s of a loop that is laid end to end to be scored
+PLAYED = ("glb", "bvh", "fbx")  # kinds that Blender opens
+
+Row = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """One file. takes: the motions as they should be in it; runs: what those were made of."""
+
+    preset: str
+    settings: ExportSettings
+    path: Path
+    takes: tuple[Take, ...]
+    runs: tuple[Take, ...]
+
+
+def export_all(runs: Sequence[Take], presets: Mapping[str, ExportSettings], folder: Path) -> list[Exported]:
+    """Write every preset, each into a folder of its own.
+
+    Raises HopdiffError for what cannot be written.
+    """
+    files = []
+    for name, settings in presets.items():
+        settings.check(name)
+        own = folder / name
+        own.mkdir(parents=True, exist_ok=True)
+        paths = [path for path, _ in write_exports(runs, {name: settings}, own)]
+        ready = [prepared(run, settings) for run in runs]
+        if len(paths) == 1:
+            files.append(Exported(name, settings, paths[0], tuple(ready), tuple(runs)))
+        else:
+            files += [
+                Exported(name, settings, path, (take,), (run,))
+                for path, take, run in zip(paths, ready, runs, strict=True)
+            ]
+    return files
+
+
+def in_blender(program: str, files: Sequence[Exported]) -> list[tuple[Exported, Seen]]:
+    """Every motion of the files that Blender opens, as it shows it."""
+    return [
+        (file, seen)
+        for file in files
+        if file.settings.kind in PLAYED
+        for seen in look(program, file.path, file.settings.kind, file.takes, file.runs, import_options(file.settings))
+    ]
+
+
+def blender_rows(found: Sequence[tuple[Exported, Seen]]) -> list[Row]:
+    """Rows by file and motion."""
+    return [
+        (
+            file.preset,
+            seen.name if file.settings.kind != "bvh" else file.takes[0].name,
+            f"{seen.bones} / {seen.joints}",
+            f"{seen.keys} / {seen.frames}",
+            f"{1000 * seen.worst:.4f}",
+            f"{1000 * seen.origin:.4f}",
+            f"{seen.size:.6f}",
+            f"{math.degrees(seen.tilt):.4f}",
+            f"{math.degrees(seen.facing):.4f}",
+            f"{seen.duration:.5f}",
+        )
+        for file, seen in found
+    ]
+
+
+def validator_rows(files: Sequence[Exported], folder: Path) -> list[Row]:
+    """Rows by GLB file: motions, kilobytes, errors, warnings, remarks."""
+    rows: list[Row] = []
+    for file in files:
+        if file.settings.kind == "glb":
+            report = validate(file.path, folder)
+            counts = (report.errors, report.warnings, report.infos, report.hints)
+            size = f"{file.path.stat().st_size / 1000:.0f}"
+            rows.append((file.preset, str(len(file.takes)), size, *map(str, counts), report.version))
+    return rows
+
+
+def read_back(file: Exported) -> dict[str, Clip]:
+    """The motions of a BVH or GLB file by the names of its takes."""
+    if file.settings.kind == "glb":
+        return read_glb(file.path)
+    return {file.takes[0].name: read_bvh(file.path, 1.0 / UNITS[file.settings.unit], file.settings.up).clip()}
+
+
+def feet_rows(files: Sequence[Exported]) -> list[Row]:
+    """Rows by file and motion: how far the balls of feet move while they stand, read from the file."""
+    rows: list[Row] = []
+    for file in files:
+        if file.settings.kind not in ("bvh", "glb"):
+            continue
+        clips = read_back(file)
+        for take in file.takes:
+            if take.contact is None:
+                continue
+            clip = clips[take.name]
+            found = standing(toes(clip), take.contact, take.clip.frame_time)
+            rows.append(
+                (
+                    file.preset,
+                    take.name,
+                    f"{1000 * found.drift:.4f}",
+                    f"{1000 * found.fastest:.2f}",
+                    f"{1000 * found.lowest:.2f}",
+                    f"{1000 * found.highest:.2f}",
+                )
+            )
+    return rows
+
+
+def skating_rows(runs: Sequence[Take], captured: Mapping[str, Take]) -> list[Row]:
+    """Rows by motion: seconds that were scored, skating ratio, and what feet do while they stand."""
+    rows: list[Row] = []
+    for name, take in ({run.name: lasting(full_body(run), SKATED) for run in runs} | dict(captured)).items():
+        contact = take.contact
+        moves = None if contact is None else standing(toes(take.clip), contact, take.clip.frame_time)
+        rows.append(
+            (
+                name,
+                "captured" if name in captured else "ours",
+                f"{take.clip.duration:.1f}",
+                f"{skating_ratio(take):.3f}",
+                "-" if moves is None else f"{moves.mean:.3f}",
+                "-" if moves is None else f"{1000 * moves.drift:.1f}",
+            )
+        )
+    return sorted(rows, key=lambda row: (row[1] == "captured", row[0]))
+
+
+def seam_rows(files: Sequence[Exported]) -> list[Row]:
+    """Rows by file and loop that runs straight on: gap at the seam, and change of velocity there and elsewhere."""
+    rows: list[Row] = []
+    for file in files:
+        if file.settings.kind not in ("bvh", "glb"):
+            continue
+        for take, run in zip(file.takes, file.runs, strict=True):
+            if run.loop and run.name != "path":
+                found = seam(read_back(file)[take.name])
+                ratio = f"{found.kink / found.elsewhere:.2f}"
+                gap = f"{1000 * found.gap:.4f}"
+                rows.append((file.preset, take.name, gap, f"{found.kink:.2f}", f"{found.elsewhere:.2f}", ratio))
+    return rows
+
+
+def timing_rows(run: Take, folder: Path, rounds: int) -> list[Row]:
+    """Rows by kind: milliseconds to write a minute of 22 joints (median, in turns), minutes a second, kilobytes."""
+    frames = round(MINUTE * FRAME_RATE) + 1
+    take = cut(lasting(full_body(run), MINUTE + 1.0).resampled(FRAME_RATE, exact=True), frames)
+    paths = {"BVH": folder / "minute.bvh", "GLB": folder / "minute.glb"}
+    calls: dict[str, Callable[[], None]] = {
+        "BVH": lambda: write_bvh(paths["BVH"], take.clip),
+        "GLB": lambda: write_whole(paths["GLB"], glb_bytes([take])),
+    }
+    taken: dict[str, list[float]] = {kind: [] for kind in calls}
+    for _ in range(rounds):
+        for kind, call in calls.items():
+            begun = time.perf_counter()
+            call()
+            taken[kind].append(time.perf_counter() - begun)
+    rows: list[Row] = []
+    for kind, seconds in taken.items():
+        middle = statistics.median(seconds)
+        size = paths[kind].stat().st_size
+        rows.append(
+            (
+                kind,
+                f"{take.frames:,}",
+                f"{1000 * middle:.0f}",
+                f"{take.clip.duration / middle:,.0f}",
+                f"{size / 1000:,.0f}",
+                f"{size / take.frames / take.clip.rotations.shape[1]:.1f}",
+            )
+        )
+    return rows

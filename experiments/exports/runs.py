@@ -1,0 +1,88 @@
+"""The runs that are exported, and every preset that they are exported with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+
+import torch
+import yaml
+
+from hopdiff.config import build_job, build_route, compose, config_folder
+from hopdiff.export.settings import ExportSettings
+from hopdiff.export.take import Take
+from hopdiff.io.bvh import read_bvh
+from hopdiff.models.course import run_along
+from hopdiff.tasks.job import Job, find, search_run
+from hopdiff.tasks.path import whole_strides
+
+CAPTURED = ("run_cmu_16_35", "run_turn_left90_cmu_16_42")  # of a folder of captured clips, those that run
+BVH_OPTIONS = {"y": ("-Z", "Y"), "z": ("Y", "Z")}  # up of a file -> what Blender's importer calls forward and up
+
+
+def presets() -> dict[str, ExportSettings]:
+    """The settings of every preset in conf/export/, by name."""
+    known = {entry.name for entry in fields(ExportSettings)}
+    found = {}
+    for file in sorted((config_folder() / "export").glob("*.yaml")):
+        values = yaml.safe_load(file.read_text(encoding="utf-8")) or {}
+        # Later presets may hold more than what is written with one of these settings.
+        found[file.stem] = ExportSettings(**{name: value for name, value in values.items() if name in known})
+    return found
+
+
+def own_runs(evaluations: int, path: bool = True) -> dict[str, Take]:
+    """Runs of our own by name: a jog, a brisk run and, if wanted, a run along a path. evaluations: of each search."""
+    found = {}
+    for name, speed, beta in (("jog", 3.0, 0.2), ("brisk", 5.0, 0.7)):
+        job = build_job(compose([f"speed={speed}", f"beta={beta}", f"budget.evaluations={evaluations}"]))
+        run = search_run(job)
+        found[name] = Take.of_motion(name, run.motion, masses(job), run.metrics)
+    if path:
+        found["path"] = path_run(evaluations)
+    return found
+
+
+def path_run(evaluations: int) -> Take:
+    """The run of +experiment=path."""
+    config = compose(["+experiment=path", f"budget.evaluations={evaluations}"])
+    route = build_route(config)
+    config.speed = route.speed
+    job = build_job(config)
+    genes, strides = whole_strides(job.problem, find(job).best_genes, route.time)
+    with torch.no_grad():
+        gait = job.problem.gait(genes.unsqueeze(0))
+        motion = run_along(gait, route.curve, strides, route.time, job.fps, route.max_lean)
+    return Take.of_motion("path", motion, masses(job), {"stride_time": route.time / strides})
+
+
+def masses(job: Job) -> Mapping[str, float]:
+    """Of the segments of a job's body, by joint [kg]."""
+    body = job.problem.character
+    return dict(zip(body.skeleton.names, body.masses.tolist(), strict=True))
+
+
+def captured_clips(folder: Path | None) -> dict[str, Take]:
+    """The captured runs of a folder, by name; none without one."""
+    if folder is None:
+        return {}
+    files = [folder / f"{name}.bvh" for name in CAPTURED]
+    return {file.stem: Take.of_clip(file.stem, read_bvh(file).clip(), {}) for file in files if file.is_file()}
+
+
+def lasting(take: Take, seconds: float) -> Take:
+    """A loop laid end to end until it lasts some seconds; another motion as it is."""
+    return take.repeated(math.ceil(seconds / take.clip.duration)) if take.loop else take
+
+
+def cut(take: Take, frames: int) -> Take:
+    """The first frames of a take, without what is known besides the clip."""
+    clip = replace(
+        take.clip,
+        root_position=take.clip.root_position[:frames],
+        rotations=take.clip.rotations[:frames],
+        offsets=None if take.clip.offsets is None else take.clip.offsets[:frames],
+    )
+    return Take(take.name, clip, False)

@@ -1,0 +1,231 @@
+"""Binary glTF 2.0: a skinned body and its motions, metres, +y up, facing +z.
+
+Khronos Group, glTF 2.0 specification (2021). Axes and units are hopdiff's own, so that nothing is turned or scaled.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from hopdiff import __version__
+from hopdiff.export.body_mesh import body_mesh
+from hopdiff.export.loft import Surface
+from hopdiff.export.take import Take
+from hopdiff.geometry.quaternion import quaternions
+from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.io.files import write_whole
+from hopdiff.types import HopdiffError
+
+COLOURS = {"left": "#0072B2", "right": "#D55E00", "middle": "#8C92A0"}  # those of the pictures
+STILL = 1e-9  # m or of a quaternion by which a channel may vary and still be written as two keys
+ALIKE = 1e-6  # m by which the bones of one skeleton may differ
+FLOAT, BYTE, SHORT, INT = 5126, 5121, 5123, 5125  # component types of glTF
+VERTICES, INDICES = 34962, 34963  # its buffer targets
+
+
+def write_glb(path: str | os.PathLike[str], takes: Sequence[Take]) -> None:
+    """Write takes as one GLB file, whole or not at all; see `glb_bytes`. Raises HopdiffError."""
+    write_whole(path, glb_bytes(takes))
+
+
+def glb_bytes(takes: Sequence[Take]) -> bytes:
+    """The GLB file of some takes: a skinned body for each skeleton among them, an animation for each take.
+
+    Every joint is a node and belongs to the skin; the root joint carries the translation. Keys are linear, at the
+    takes' own frames from time 0. Raises HopdiffError if there is no take, a take has no frame, or holds a number that
+    is not finite, or two takes have one name.
+    """
+    if not takes:
+        raise HopdiffError("cannot write a GLB file without a motion.")
+    names = [take.name for take in takes]
+    for take in takes:
+        tensors = (take.clip.root_position, take.clip.rotations, take.clip.skeleton.offsets)
+        if take.frames == 0:
+            raise HopdiffError(f"cannot write {take.name}: it has no frames.")
+        if not all(bool(torch.isfinite(values).all()) for values in tensors):
+            raise HopdiffError(f"cannot write {take.name}: the motion holds a number that is not finite.")
+        if names.count(take.name) > 1:
+            raise HopdiffError(f"two motions are called {take.name!r}; a GLB file needs different names.")
+    file = _Writer()
+    bodies: list[tuple[Skeleton, int]] = []
+    for take in takes:
+        skeleton = take.clip.skeleton
+        first = next((start for other, start in bodies if _same(other, skeleton)), None)
+        if first is None:
+            first = file.add_body(take, f"body_{len(bodies) + 1}" if bodies else "body")
+            bodies.append((skeleton, first))
+        file.add_animation(take, first)
+    return file.bytes()
+
+
+class _Writer:
+    """A glTF file in the making."""
+
+    def __init__(self) -> None:
+        self.nodes: list[dict[str, Any]] = []
+        self.roots: list[int] = []
+        self.meshes: list[dict[str, Any]] = []
+        self.skins: list[dict[str, Any]] = []
+        self.animations: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
+        self.views: list[dict[str, Any]] = []
+        self.data = bytearray()
+
+    def add_body(self, take: Take, name: str) -> int:
+        """Nodes, skin and mesh of a take's skeleton; returns the node of its root joint."""
+        skeleton = take.clip.skeleton
+        first = len(self.nodes)
+        rest = skeleton.offsets.clone()
+        rest[0] = torch.tensor([0.0, _standing(skeleton), 0.0])
+        for joint, joint_name in enumerate(skeleton.names):
+            node: dict[str, Any] = {"name": joint_name, "translation": _numbers(rest[joint])}
+            if children := skeleton.children(joint):
+                node["children"] = [first + child for child in children]
+            self.nodes.append(node)
+        self.roots.append(first)
+        straight = torch.eye(3, dtype=torch.float64).expand(1, len(rest), 3, 3)
+        places = skeleton.forward(rest[:1], straight)[0][0].numpy()
+        # Joints are not turned in the rest pose: what takes it to a joint's own frame only moves.
+        inverse = np.tile(np.eye(4, dtype=np.float32), (len(rest), 1, 1))
+        inverse[:, 3, :3] = -places
+        matrices = self._add(inverse.reshape(-1, 16), FLOAT, "MAT4")
+        joints = [first + joint for joint in range(len(rest))]
+        self.skins.append({"name": name, "joints": joints, "inverseBindMatrices": matrices, "skeleton": first})
+        wide = SHORT if len(rest) > 256 else BYTE
+        primitives = [
+            self._primitive(surface, places[0], list(COLOURS).index(side), wide)
+            for side, surface in body_mesh(skeleton, take.masses).items()
+        ]
+        node = {"name": name, "skin": len(self.skins) - 1}
+        if primitives:
+            self.meshes.append({"name": name, "primitives": primitives})
+            self.nodes.append({**node, "mesh": len(self.meshes) - 1})
+            self.roots.append(len(self.nodes) - 1)
+        return first
+
+    def _primitive(self, surface: Surface, root: NDArray[np.float64], material: int, wide: int) -> dict[str, Any]:
+        kind = np.uint16 if wide == SHORT else np.uint8
+        small = len(surface.vertices) < 65535
+        weights = surface.weights.astype(np.float32)
+        # Their sum is 1 in the precision of the file, too.
+        weights[:, 0] = 1.0 - weights[:, 1:].sum(axis=-1)
+        attributes = {
+            "POSITION": self._add((surface.vertices + root).astype(np.float32), FLOAT, "VEC3", VERTICES, bounds=True),
+            "NORMAL": self._add(surface.normals.astype(np.float32), FLOAT, "VEC3", VERTICES),
+            "JOINTS_0": self._add(surface.joints.astype(kind), wide, "VEC4", VERTICES),
+            "WEIGHTS_0": self._add(weights, FLOAT, "VEC4", VERTICES),
+        }
+        flat = surface.faces.reshape(-1, 1).astype(np.uint16 if small else np.uint32)
+        indices = self._add(flat, SHORT if small else INT, "SCALAR", INDICES)
+        return {"attributes": attributes, "indices": indices, "material": material}
+
+    def add_animation(self, take: Take, first: int) -> None:
+        """The motion of a take on the nodes from `first` on."""
+        clip = take.clip
+        times = clip.frame_time * np.arange(take.frames, dtype=np.float64)
+        turns = quaternions(clip.rotations).numpy()
+        whole = self._times(times)
+        ends = self._times(times[[0, -1]]) if take.frames > 1 else whole
+        channels: list[dict[str, Any]] = []
+        samplers: list[dict[str, Any]] = []
+
+        def add(node: int, path: str, values: NDArray[np.float64]) -> None:
+            still = bool((np.ptp(values, axis=0) < STILL).all())
+            kept = values[[0, -1]] if still and take.frames > 1 else values
+            output = self._add(kept.astype(np.float32), FLOAT, f"VEC{values.shape[-1]}")
+            channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+            samplers.append({"input": ends if still else whole, "output": output, "interpolation": "LINEAR"})
+
+        add(first, "translation", clip.root_position.numpy())
+        for joint in range(turns.shape[1]):
+            add(first + joint, "rotation", turns[:, joint])
+        if clip.offsets is not None:
+            for joint in range(1, turns.shape[1]):
+                add(first + joint, "translation", clip.offsets[:, joint].numpy())
+        travel = clip.root_position[-1] - clip.root_position[0]
+        extras = {
+            "loop": take.loop,
+            "duration_s": clip.duration,
+            "frame_time_s": clip.frame_time,
+            "travel_m": _numbers(travel),
+            **_extras(take.numbers),
+        }
+        self.animations.append({"name": take.name, "channels": channels, "samplers": samplers, "extras": extras})
+
+    def _times(self, times: NDArray[Any]) -> int:
+        return self._add(times.astype(np.float32)[:, None], FLOAT, "SCALAR", bounds=True)
+
+    def _add(self, values: NDArray[Any], kind: int, shape: str, target: int | None = None, bounds: bool = False) -> int:
+        """Put values (n, width) into the buffer; returns their accessor."""
+        data = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<")).tobytes()
+        view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data)}
+        self.views.append(view | ({} if target is None else {"target": target}))
+        self.data += data + b"\0" * (-len(data) % 4)
+        accessor = {"bufferView": len(self.views) - 1, "componentType": kind, "count": len(values), "type": shape}
+        if bounds:
+            accessor |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+    def bytes(self) -> bytes:
+        content = {
+            "asset": {"version": "2.0", "generator": f"hopdiff {__version__}"},
+            "scene": 0,
+            "scenes": [{"nodes": self.roots}],
+            "nodes": self.nodes,
+            "skins": self.skins,
+            "animations": self.animations,
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [{"byteLength": len(self.data)}],
+        }
+        if self.meshes:
+            content |= {"meshes": self.meshes, "materials": [_material(side) for side in COLOURS]}
+        text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+        text += b" " * (-len(text) % 4)
+        size = 12 + 8 + len(text) + 8 + len(self.data)
+        return b"".join(
+            (
+                struct.pack("<4sII", b"glTF", 2, size),
+                struct.pack("<I4s", len(text), b"JSON") + text,
+                struct.pack("<I4s", len(self.data), b"BIN\0") + bytes(self.data),
+            )
+        )
+
+
+def _same(a: Skeleton, b: Skeleton) -> bool:
+    alike = (a.names, a.parents) == (b.names, b.parents)
+    return alike and bool(((a.offsets - b.offsets).abs() < ALIKE)[1:].all())
+
+
+def _standing(skeleton: Skeleton) -> float:
+    """Height of the root joint with which the rest pose stands on the ground [m]."""
+    straight = torch.eye(3, dtype=torch.float64).expand(1, len(skeleton.names), 3, 3)
+    places, frames = skeleton.forward(torch.zeros(1, 3).double(), straight)
+    ends = skeleton.end_positions(places, frames)
+    return -min(float(places[..., 1].min()), *(float(end[..., 1].min()) for end in ends.values()), 0.0)
+
+
+def _material(side: str) -> dict[str, Any]:
+    # Colours of materials are linear in glTF, not as on screen.
+    linear = [(int(COLOURS[side][k : k + 2], 16) / 255.0) ** 2.2 for k in (1, 3, 5)]
+    shade = {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.7}
+    return {"name": side, "pbrMetallicRoughness": shade}
+
+
+def _extras(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """What is known of a run, as far as JSON can hold it."""
+    names = ("speed", "beta", "step_frequency", "stride_time", "energy_rate", "contact_time", "flight_time")
+    return {name: numbers[name] for name in names if isinstance(numbers.get(name), int | float)}
+
+
+def _numbers(values: torch.Tensor) -> list[float]:
+    return [float(value) for value in values.tolist()]

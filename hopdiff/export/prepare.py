@@ -1,0 +1,94 @@
+"""From a motion as hopdiff has it to the motion that a file shall hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from hopdiff.export.anatomy import renamed
+from hopdiff.export.full_body import full_body, is_model_body
+from hopdiff.export.ground import ground_path
+from hopdiff.export.pose import mirrored, with_rest_pose
+from hopdiff.export.settings import ExportSettings
+from hopdiff.export.take import Take
+from hopdiff.geometry.rotation import axis_rotation
+from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.types import HopdiffError
+
+
+def prepared(take: Take, settings: ExportSettings) -> Take:
+    """The take with the joints, cycles, frames, rest pose, root and names that the settings ask for.
+
+    Raises HopdiffError, naming the setting, for what this motion does not allow.
+    """
+    if take.frames == 0:
+        raise HopdiffError(f"cannot write {take.name}: it has no frames.")
+    if settings.joints == "full" and is_model_body(take.clip.skeleton) and take.contact is not None:
+        take = full_body(take)
+    if settings.mirrored:
+        take = mirrored(take)
+    take = take.repeated(settings.cycles)
+    if settings.fps is not None:
+        take = take.resampled(settings.fps, settings.frames == "exact")
+    if settings.rest is not None:
+        take = with_rest_pose(take, settings.rest)
+    if settings.root == "in_place":
+        take = in_place(take)
+    if settings.names is not None:
+        take = replace(take, clip=replace(take.clip, skeleton=renamed(take.clip.skeleton, settings.names)))
+    return with_ground_root(take, settings.ground_name) if settings.ground else take
+
+
+def in_place(take: Take) -> Take:
+    """The motion on the spot, heading along +z: without its steady way over the ground; sway and bounce stay."""
+    turn, place = _way(take)
+    clip = take.clip
+    rotations = clip.rotations.clone()
+    rotations[:, 0] = turn @ rotations[:, 0]
+
+    def here(points: Tensor | None) -> Tensor | None:
+        if points is None:
+            return None
+        wide = points if points.ndim == 3 else points.unsqueeze(1)
+        moved = (wide - place.unsqueeze(1)) @ turn.transpose(-1, -2)
+        return moved.reshape(points.shape)
+
+    root = here(clip.root_position)
+    assert root is not None
+    clip = replace(clip, root_position=root, rotations=rotations)
+    return replace(take, clip=clip, feet=here(take.feet), com=here(take.com))
+
+
+def with_ground_root(take: Take, name: str) -> Take:
+    """The motion with one more joint, on the ground below the body, that carries its steady way; game engines take
+    root motion from it. Raises HopdiffError if the skeleton has a joint of that name."""
+    clip, skeleton = take.clip, take.clip.skeleton
+    if name in skeleton.names:
+        raise HopdiffError(f"ground: {take.name} has a joint {name!r} already.")
+    turn, place = _way(take)
+    rotations = clip.rotations.clone()
+    rotations[:, 0] = turn @ rotations[:, 0]
+    local = (turn @ (clip.root_position - place).unsqueeze(-1)).squeeze(-1)
+    rest = skeleton.offsets.clone()
+    # In the rest pose the body stands on the ground; in the motion its old root moves against the new one.
+    rest[0] = torch.stack((torch.zeros(()).double(), local[:, 1].mean(), torch.zeros(()).double()))
+    body = skeleton.offsets.expand(take.frames, -1, -1) if clip.offsets is None else clip.offsets
+    moving = torch.cat((place.unsqueeze(1), local.unsqueeze(1), body[:, 1:]), dim=1)
+    whole = Skeleton(
+        (name, *skeleton.names),
+        (-1, *(parent + 1 for parent in skeleton.parents)),
+        torch.cat((torch.zeros(1, 3).double(), rest)),
+        skeleton.end_sites,
+    )
+    rotations = torch.cat((turn.transpose(-1, -2).unsqueeze(1), rotations), dim=1)
+    return replace(take, clip=replace(clip, skeleton=whole, root_position=place, rotations=rotations, offsets=moving))
+
+
+def _way(take: Take) -> tuple[Tensor, Tensor]:
+    """(T, 3, 3) turns that undo the heading of a take's steady way, and (T, 3) its places on the ground [m]."""
+    path = ground_path(take)
+    zero = torch.zeros_like(path.yaw)
+    place = torch.stack((path.place[:, 0], zero, path.place[:, 1]), dim=-1)
+    return axis_rotation("Y", -path.yaw), place

@@ -1,0 +1,94 @@
+# No `from __future__ import annotations`: Hydra reads the types of the settings classes.
+"""What an exported file shall be."""
+
+import math
+import re
+from dataclasses import dataclass
+
+from hopdiff.export.anatomy import GROUND_ROOT, SCHEMES
+from hopdiff.export.pose import ARMS
+from hopdiff.io.bvh import EULER_ORDERS
+from hopdiff.messages import choose
+from hopdiff.types import HopdiffError
+
+KINDS = {"glb": ".glb", "bvh": ".bvh", "csv": ".csv", "npz": ".npz", "html": ".html", "fbx": ".fbx"}
+UNITS = {"m": 1.0, "cm": 100.0}  # file units in a metre
+MAX_FPS = 1000.0
+MAX_CYCLES = 10_000
+JOINTS, FRAMES, ROOTS, TOGETHER = (
+    ("full", "model"),
+    ("whole", "exact"),
+    ("travelling", "in_place"),
+    ("overlaid", "side_by_side"),
+)
+
+
+@dataclass
+class ExportSettings:
+    """One file format with everything that can be chosen of it; presets are in conf/export/.
+
+    kind: glb, bvh, csv, npz, html or fbx. file: name of the file, with the ending of its kind.
+    joints: of a run of hopdiff's own: full (22: spine, collars, wrists, head, ankles, toes) or model (its own eleven).
+    names: of the joints: hopdiff, mixamo or unreal_mannequin; null leaves them. rest: the pose without rotations: t, a
+    or straight (arms hang); null leaves it. unit, up: of BVH files: m or cm; y or z. order: their Euler order.
+    fps [frames/s]: null leaves the frames as they are. frames: whole fits a whole number of frames into the motion, so
+    that a loop ends on its first frame and its time is kept (frames then lie not quite 1 / fps apart); exact puts
+    frames exactly 1 / fps apart, and the last one then ends the motion up to a frame early.
+    root: travelling or in_place. ground: whether a root joint on the ground carries the way. cycles: how often a loop
+    is laid end to end. mirrored: left and right change places.
+    together: of HTML pages with several motions: overlaid or side_by_side. blender: program that makes FBX files:
+    Blender or a Python with bpy; null: what HOPDIFF_BLENDER names, or blender.
+    """
+
+    kind: str = "glb"
+    file: str | None = None
+    joints: str = "full"
+    names: str | None = None
+    rest: str | None = None
+    unit: str = "m"
+    up: str = "y"
+    order: str = "ZXY"
+    fps: float | None = None
+    frames: str = "whole"
+    root: str = "travelling"
+    ground: bool = False
+    cycles: int = 1
+    mirrored: bool = False
+    together: str = "side_by_side"
+    blender: str | None = None
+
+    def check(self, name: str) -> None:
+        """Raises HopdiffError, naming the setting of exports.NAME, for a value that cannot be."""
+        where = f"exports.{name}"
+        choose(f"{where}.kind", self.kind, KINDS)
+        for entry, choices in (
+            ("joints", JOINTS),
+            ("unit", UNITS),
+            ("up", ("y", "z")),
+            ("order", EULER_ORDERS),
+            ("frames", FRAMES),
+            ("root", ROOTS),
+            ("together", TOGETHER),
+        ):
+            choose(f"{where}.{entry}", getattr(self, entry), choices)
+        if self.names is not None:
+            choose(f"{where}.names", self.names, SCHEMES)
+        if self.rest is not None:
+            choose(f"{where}.rest", self.rest, ARMS)
+        if self.fps is not None and not (math.isfinite(self.fps) and 1.0 <= self.fps <= MAX_FPS):
+            raise HopdiffError(f"{where}.fps must lie between 1 and {MAX_FPS:g} frames/s, not {self.fps:g}.")
+        if not 1 <= self.cycles <= MAX_CYCLES:
+            raise HopdiffError(f"{where}.cycles must lie between 1 and {MAX_CYCLES}, not {self.cycles}.")
+        if self.file is not None and not re.fullmatch(r"[^/\\:*?\"<>|\x00-\x1f]+", self.file):
+            raise HopdiffError(f"{where}.file must be the name of a file without its folder, not {self.file!r}.")
+
+    def file_name(self, name: str) -> str:
+        """The name of the file of exports.NAME."""
+        ending = KINDS[self.kind]
+        given = self.file or f"motion_{name}"
+        return given if given.lower().endswith(ending) else given + ending
+
+    @property
+    def ground_name(self) -> str:
+        """What the root joint on the ground is called."""
+        return GROUND_ROOT.get(self.names or "", "root")

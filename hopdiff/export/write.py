@@ -1,0 +1,89 @@
+"""Takes into files of every kind."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from hopdiff.export.fbx import write_fbx
+from hopdiff.export.glb import glb_bytes, write_glb
+from hopdiff.export.player import write_player
+from hopdiff.export.prepare import prepared
+from hopdiff.export.settings import UNITS, ExportSettings
+from hopdiff.export.tables import write_csv, write_npz
+from hopdiff.export.take import Take
+from hopdiff.io.bvh import write_bvh
+from hopdiff.types import HopdiffError
+
+TOLD_BY = {"search": "", "model": "", "character": "", "genes": "", "seed": "seed"}  # numbers that differ in sweeps
+TOGETHER = ("glb", "fbx", "html")  # kinds whose files hold several motions
+
+
+def write_exports(
+    takes: Sequence[Take], exports: Mapping[str, ExportSettings], folder: Path
+) -> list[tuple[Path, Take]]:
+    """Write takes in every wanted form; returns the files, each with the first motion in it.
+
+    exports: checked settings by name. GLB, FBX and HTML files hold all takes, of the other kinds there is a file for
+    each. All motions are made before the first file is written. Raises HopdiffError, naming the setting, for what a
+    motion does not allow, for two files of one name, or a file that cannot be written.
+    """
+    jobs: list[tuple[str, Path, list[Take], ExportSettings]] = []
+    for name, settings in exports.items():
+        ready = []
+        for take in takes:
+            try:
+                ready.append(prepared(take, settings))
+            except HopdiffError as error:
+                raise HopdiffError(f"exports.{name}: {error}") from error
+        whole = folder / settings.file_name(name)
+        if settings.kind in TOGETHER or len(takes) == 1:
+            jobs.append((name, whole, ready, settings))
+        else:
+            jobs += [(name, whole.with_stem(f"{whole.stem}_{plain(take.name)}"), [take], settings) for take in ready]
+    paths = [path for _, path, _, _ in jobs]
+    for path in paths:
+        if paths.count(path) > 1:
+            raise HopdiffError(f"two exports are called {path.name!r}: set exports.NAME.file of one of them.")
+    for name, path, ready, settings in jobs:
+        try:
+            _WRITERS[settings.kind](path, ready, settings)
+        except HopdiffError as error:
+            raise HopdiffError(f"exports.{name}: {error}") from error
+    return [(path, ready[0]) for _, path, ready, _ in jobs]
+
+
+def distinct(takes: Sequence[Take]) -> list[Take]:
+    """The takes with names that tell them apart: those of one name get what else differs between them, or numbers."""
+    found = []
+    for take in takes:
+        same = [other for other in takes if other.name == take.name]
+        told = [entry for entry in TOLD_BY if len({str(other.numbers.get(entry)) for other in same}) > 1]
+        words = [f"{TOLD_BY[entry]}{take.numbers[entry]}" for entry in told if take.numbers.get(entry) is not None]
+        found.append(replace(take, name="_".join([take.name, *words])))
+    names = [take.name for take in found]
+    return [
+        replace(take, name=f"{take.name}_{names[: k + 1].count(take.name)}") if names.count(take.name) > 1 else take
+        for k, take in enumerate(found)
+    ]
+
+
+def plain(name: str) -> str:
+    """A name as a part of a file's name."""
+    return re.sub(r"[^\w.+-]+", "_", name).strip("_.") or "motion"
+
+
+def _bvh(path: Path, takes: Sequence[Take], settings: ExportSettings) -> None:
+    write_bvh(path, takes[0].clip, settings.order, UNITS[settings.unit], settings.up)
+
+
+_WRITERS: Mapping[str, Callable[[Path, Sequence[Take], ExportSettings], None]] = {
+    "glb": lambda path, takes, _: write_glb(path, takes),
+    "bvh": _bvh,
+    "csv": lambda path, takes, _: write_csv(path, takes[0]),
+    "npz": lambda path, takes, _: write_npz(path, takes[0]),
+    "html": lambda path, takes, settings: write_player(path, takes, settings.together),
+    "fbx": lambda path, takes, settings: write_fbx(path, glb_bytes(takes), settings.blender),
+}

@@ -1,0 +1,157 @@
+"""task=export, and what `export=[...]` adds to other tasks: motions of run folders in the formats of other programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hopdiff.export.fbx import find_blender
+from hopdiff.export.retarget import Target, read_target, retargeted, write_retargeted
+from hopdiff.export.settings import ExportSettings
+from hopdiff.export.tables import read_npz
+from hopdiff.export.take import Take
+from hopdiff.export.write import distinct, plain, write_exports
+from hopdiff.io.bvh import read_bvh
+from hopdiff.io.files import read_json
+from hopdiff.io.record import prepare_folder
+from hopdiff.tasks.compare import find_runs
+from hopdiff.tasks.results import run_name, shown, write_record
+from hopdiff.types import HopdiffError
+
+# What a run folder holds its motion in; the first that is there counts.
+SOURCES = ("motion.npz", "edited.bvh", "walk.bvh", "motion.bvh")
+
+
+@dataclass
+class RetargetSettings:
+    """Another body for exported motions. skeleton: a BVH or GLB file with it; null keeps the motion's own.
+
+    names: how its joints are called: auto, hopdiff, mixamo, unreal_mannequin, or a YAML file with part: joint.
+    """
+
+    skeleton: str | None = None
+    names: str = "auto"
+
+
+@dataclass(frozen=True)
+class Exports:
+    """What is to be written, checked. files: settings by name. target: body for the motions, if not their own."""
+
+    files: Mapping[str, ExportSettings] = field(default_factory=dict)
+    target: Target | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.files) or self.target is not None
+
+    @classmethod
+    def build(cls, files: Mapping[str, ExportSettings], retarget: RetargetSettings) -> Exports:
+        """Raises HopdiffError, naming setting or file, for what cannot be, before any motion is made."""
+        for name, settings in files.items():
+            settings.check(name)
+        for settings in files.values():
+            if settings.kind == "fbx":
+                find_blender(settings.blender)
+        target = None if retarget.skeleton is None else read_target(retarget.skeleton, retarget.names)
+        return cls(files, target)
+
+
+def read_take(source: Path) -> Take:
+    """The motion of a run folder, or of a BVH or NPZ file. Raises HopdiffError if there is none."""
+    if source.is_file():
+        return _of_file(source, source.stem, {})
+    if not source.is_dir():
+        raise HopdiffError(f"run={source}: there is no such folder.")
+    motion = next((source / name for name in SOURCES if (source / name).is_file()), None)
+    if motion is None:
+        raise HopdiffError(f"run={source} holds no motion: none of {', '.join(SOURCES)} is in it.")
+    numbers = read_json(source / "metrics.json") if (source / "metrics.json").is_file() else {}
+    if not isinstance(numbers, dict):
+        raise HopdiffError(f"{source / 'metrics.json'} does not hold the metrics of a run.")
+    name = Path(str(numbers["clip"])).stem + "_edited" if "clip" in numbers else motion.stem
+    if all(isinstance(numbers.get(entry), int | float) for entry in ("speed", "beta")):
+        name = run_name(numbers)
+    return _of_file(motion, name, numbers)
+
+
+def _of_file(path: Path, name: str, numbers: Mapping[str, Any]) -> Take:
+    match path.suffix.lower():
+        case ".npz":
+            return read_npz(path)
+        case ".bvh":
+            file = read_bvh(path, numbers.get("unit"), numbers.get("up"))
+            return Take.of_clip(plain(name), file.clip(), numbers)
+        case _:
+            raise HopdiffError(f"run={path}: motions are read from run folders, BVH and NPZ files.")
+
+
+def sources_of(run: Any, runs: str | None) -> list[Path]:
+    """The places that run=PLACE, run=[PLACE,...] and runs=FOLDER name. Raises HopdiffError if there is none."""
+    given = run if isinstance(run, list | tuple) else [] if run is None else [run]
+    if not all(isinstance(one, str) and one for one in given):
+        raise HopdiffError(f"run must be a folder, or a list of folders, not {run!r}.")
+    found = [Path(one) for one in given]
+    if runs is not None:
+        # Exports of runs lie in folders of their own, without metrics.
+        found += [folder for folder in find_runs(Path(runs)) if any((folder / name).is_file() for name in SOURCES)]
+    if not found:
+        raise HopdiffError("task=export needs run=DIR, a run folder, run=[DIR,...], or runs=FOLDER with runs below it.")
+    return found
+
+
+def export(
+    sources: Sequence[Path], exports: Exports, folder: Path, settings: Mapping[str, Any], command: list[str]
+) -> None:
+    """Write the motions of run folders into another folder, and tell what was written.
+
+    settings: the whole configuration as plain data. Raises HopdiffError for what cannot be read or written.
+    """
+    if not exports:
+        raise HopdiffError("task=export needs export=[...], as export=[glb,bvh_blender]; --help lists what there is.")
+    takes = distinct([read_take(source) for source in sources])
+    prepare_folder(folder)
+    written = write_all(takes, exports, folder)
+    write_record(folder, settings, command)
+    rows = [("motions", _motions(takes)), *written, ("files", shown(folder))]
+    print("\n".join(f"{name:<9} {text}" for name, text in rows), flush=True)
+
+
+def export_result(folder: Path, exports: Exports) -> None:
+    """Write the motion of a run folder that was just made into that folder."""
+    written = write_all([read_take(folder)], exports, folder)
+    print("\n".join(f"{name:<9} {text}" for name, text in written), flush=True)
+
+
+def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> list[tuple[str, str]]:
+    """Write takes in all wanted forms; returns lines for people: what, and file with its size."""
+    written: list[tuple[Path, Take]] = []
+    if exports.target is not None:
+        takes = [retargeted(take, exports.target) for take in takes]
+        for take in takes:
+            name = "retargeted" if len(takes) == 1 else f"retargeted_{plain(take.name)}"
+            path = folder / f"{name}{exports.target.suffix}"
+            write_retargeted(path, take, exports.target)
+            written.append((path, take))
+    written += write_exports(takes, exports.files, folder)
+    wide = max(len(path.name) for path, _ in written)
+    return [
+        ("exported" if k == 0 else "", f"{path.name:<{wide}}  {_size(path):>7}  {_frames(take)}")
+        for k, (path, take) in enumerate(written)
+    ]
+
+
+def _size(path: Path) -> str:
+    size = path.stat().st_size
+    return f"{math.ceil(size / 1000)} kB" if size < 1e6 else f"{size / 1e6:.1f} MB"
+
+
+def _frames(take: Take) -> str:
+    """Where a whole number of frames fills a loop they do not lie at the frame rate that was asked for."""
+    return f"{take.frames} frames at {1.0 / take.clip.frame_time:.2f}/s" + (", loops" if take.loop else "")
+
+
+def _motions(takes: Sequence[Take]) -> str:
+    first = [f"{take.name} ({take.frames} frames, {take.clip.duration:.2f} s)" for take in takes[:3]]
+    return ", ".join(first) + (f" and {len(takes) - 3} more" if len(takes) > 3 else "")

@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from hopdiff.export.full_body import JOINTS, full_body
+from hopdiff.export.pose import mirrored, with_rest_pose
+from hopdiff.export.take import Take
+from hopdiff.types import HopdiffError
+from tests.export.takes import CAPTURED, captured, own
+
+HEIGHTS = {"t": 0.0, "a": -(0.5**0.5), "straight": -1.0}  # of a bone of length 1 that points along the arm
+
+
+@pytest.mark.parametrize("pose", HEIGHTS)
+@pytest.mark.parametrize("body", ["own", "full", *CAPTURED])
+def test_joints_stay_where_they_are_in_every_rest_pose(body: str, pose: str) -> None:
+    take = {"own": own, "full": lambda: full_body(own())}.get(body, lambda: captured(body))()
+    posed = with_rest_pose(take, pose)
+    torch.testing.assert_close(posed.clip.joint_positions(), take.clip.joint_positions(), atol=1e-9, rtol=0)
+    ends, before = posed.clip.end_positions(), take.clip.end_positions()
+    for name in before:
+        torch.testing.assert_close(ends[name], before[name], atol=1e-9, rtol=0)
+
+
+@pytest.mark.parametrize("pose", HEIGHTS)
+def test_arms_point_where_the_pose_says(pose: str) -> None:
+    skeleton = with_rest_pose(full_body(own()), pose).clip.skeleton
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for joint in ("elbow", "wrist"):
+            bone = skeleton.offsets[JOINTS.index(f"{side}_{joint}")]
+            assert float(bone[1] / bone.norm()) == pytest.approx(HEIGHTS[pose], abs=1e-9)
+            assert sign * float(bone[0]) >= -1e-9
+
+
+def test_a_body_without_arms_is_told_so() -> None:
+    take = full_body(own())
+    names = tuple(f"j{k}" for k in range(22))
+    bare = replace(take, clip=replace(take.clip, skeleton=replace(take.clip.skeleton, names=names, end_sites={})))
+    with pytest.raises(HopdiffError, match="arms of this skeleton"):
+        with_rest_pose(bare, "t")
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_the_mirror_image_is_one(whole: bool) -> None:
+    take = full_body(own()) if whole else own()
+    image = mirrored(take)
+    names = take.clip.skeleton.names
+    twin = [names.index(swapped(name)) for name in names]
+    flip = torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64)
+    torch.testing.assert_close(
+        image.clip.joint_positions(), take.clip.joint_positions()[:, twin] * flip, atol=1e-12, rtol=0
+    )
+    assert take.feet is not None
+    assert image.feet is not None
+    torch.testing.assert_close(image.feet, take.feet.flip(1) * flip)
+    assert take.contact is not None
+    assert image.contact is not None
+    assert bool((image.contact == take.contact.flip(1)).all())
+    torch.testing.assert_close(mirrored(image).clip.rotations, take.clip.rotations, atol=1e-12, rtol=0)
+
+
+def test_uneven_bodies_have_no_mirror_image() -> None:
+    take = own()
+    skeleton = take.clip.skeleton
+    offsets = skeleton.offsets.clone()
+    offsets[skeleton.index("left_knee")] *= 1.3
+    uneven: Take = replace(take, clip=replace(take.clip, skeleton=replace(skeleton, offsets=offsets)))
+    with pytest.raises(HopdiffError, match=r"no mirror image, its bones at '\w+_knee'"):
+        mirrored(uneven)
+
+
+def swapped(name: str) -> str:
+    if name.startswith("left_"):
+        return name.replace("left_", "right_")
+    return name.replace("right_", "left_")

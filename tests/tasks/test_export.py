@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from hopdiff.cli import main
+from hopdiff.export.tables import read_npz
+from hopdiff.io.bvh import read_bvh
+from tests.export.gltf import Gltf
+
+PRESETS = "export=[glb,glb_unreal,glb_mixamo,bvh_blender,bvh_unity,bvh_unreal,csv,npz]"
+FILES = {
+    *("motion.glb", "motion_unreal.glb", "motion_mixamo.glb", "motion_blender.bvh", "motion_unity.bvh"),
+    *("motion_unreal.bvh", "joints.csv", "joints.npz"),
+}
+
+
+def call(monkeypatch: pytest.MonkeyPatch, folder: Path, *words: str) -> int:
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words, f"hydra.run.dir={folder}"])
+    return main()
+
+
+def test_a_finished_run_in_every_form(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = {path.name: path.read_bytes() for path in finished.iterdir() if path.is_file()}
+    assert call(monkeypatch, tmp_path / "out", "task=export", f"run={finished}", PRESETS) == 0
+    found = {path.name for path in (tmp_path / "out").iterdir()}
+    assert found == FILES | {"config.yaml", "versions.json", "git.json"}
+    # The run's own folder is left as it is.
+    assert {path.name: path.read_bytes() for path in finished.iterdir() if path.is_file()} == before
+    said = capsys.readouterr().out
+    assert all(name in said for name in FILES)
+    assert "loops" in said
+    metrics = json.loads((finished / "metrics.json").read_text())
+    file = Gltf.of((tmp_path / "out" / "motion.glb").read_bytes())
+    [clip] = file.content["animations"]
+    assert clip["name"] == f"run_v{metrics['speed']:.3g}_beta{metrics['beta']:g}"
+    assert clip["extras"]["speed"] == metrics["speed"]
+    take, source = read_npz(tmp_path / "out" / "joints.npz"), read_npz(finished / "motion.npz")
+    assert take.masses == source.masses
+    assert take.numbers["cost"] == metrics["cost"]
+
+
+def test_exports_at_once_are_those_made_afterwards(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("task=replay", f"genes_file={finished / 'genes.json'}", "pictures=false")
+    assert call(monkeypatch, tmp_path / "once", *words, "export=[glb,bvh_unreal]", "exports.glb.cycles=2") == 0
+    words = ("task=export", f"run={tmp_path / 'once'}", "export=[glb,bvh_unreal]", "exports.glb.cycles=2")
+    assert call(monkeypatch, tmp_path / "later", *words) == 0
+    for name in ("motion.glb", "motion_unreal.bvh"):
+        assert (tmp_path / "once" / name).read_bytes() == (tmp_path / "later" / name).read_bytes()
+
+
+def test_a_sweep_goes_into_one_file_with_a_clip_for_each_run(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for k, beta in enumerate((0.2, 0.3)):
+        words = ("task=replay", f"genes_file={finished / 'genes.json'}", f"beta={beta}", "pictures=false")
+        assert call(monkeypatch, tmp_path / "sweep" / f"{k}_a", *words) == 0
+    assert call(monkeypatch, tmp_path / "out", "task=export", f"runs={tmp_path / 'sweep'}", "export=glb") == 0
+    clips = Gltf.of((tmp_path / "out" / "motion.glb").read_bytes()).content["animations"]
+    assert [clip["name"].split("_")[-1] for clip in clips] == ["beta0.2", "beta0.3"]
+    both = f"run=[{tmp_path / 'sweep' / '0_a'},{tmp_path / 'sweep' / '1_a'}]"
+    assert call(monkeypatch, tmp_path / "again", "task=export", both, "export=[glb,bvh_unity]") == 0
+    assert (tmp_path / "again" / "motion.glb").read_bytes() == (tmp_path / "out" / "motion.glb").read_bytes()
+    assert len(list((tmp_path / "again").glob("motion_unity_run_*.bvh"))) == 2
+
+
+def test_edits_are_exported_too(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clip = f"clip={finished / 'motion.bvh'}"
+    words = ("task=edit", clip, "target.position=[0.5,9]", "pictures=false", "export=[glb,bvh_unreal,csv]")
+    assert call(monkeypatch, tmp_path / "edit", *words) == 0
+    edited = read_bvh(tmp_path / "edit" / "edited.bvh").clip()
+    [clip_there] = Gltf.of((tmp_path / "edit" / "motion.glb").read_bytes()).content["animations"]
+    assert clip_there["name"] == "motion_edited"
+    assert clip_there["extras"]["duration_s"] == pytest.approx(edited.duration, rel=1e-6)
+    # A BVH file alone will do, too.
+    words = ("task=export", f"run={tmp_path / 'edit' / 'edited.bvh'}", "export=glb")
+    assert call(monkeypatch, tmp_path / "alone", *words) == 0
+    assert (tmp_path / "alone" / "motion.glb").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("task=export",), "needs run=DIR"),
+        (("task=export", "run=nowhere", "export=glb"), "run=nowhere: there is no such folder"),
+        (("task=export", "run=EMPTY", "export=glb"), "holds no motion"),
+        (("task=export", "run=RUN"), "needs export=[...]"),
+        (("task=export", "run={a: 1}", "export=glb"), "run must be a folder"),
+        (("task=export", "run=RUN/metrics.json", "export=glb"), "BVH and NPZ files"),
+        (("task=export", "run=RUN", "export=gbl"), "Unknown export 'gbl': choose one of bvh_blender"),
+        (("task=export", "run=RUN", "export=[glb,gbl]"), "Unknown export 'gbl'"),
+        (("task=export", "run=RUN", "exports.glb.fps=30"), "exports.glb is there once it is chosen: add export=[glb]"),
+        (("task=export", "run=RUN", "export=glb", "exports.glb.fsp=30"), "Did you mean 'exports.glb.fps'?"),
+        (("task=export", "run=RUN", "export=[glb]", "exports.glb.cycles=0"), "exports.glb.cycles must lie between"),
+        (("task=compare", "runs=RUN", "export=glb"), "export has no effect with task=compare"),
+        (("task=export", "run=RUN", "export=glb", "retarget.skeleton=none.bvh"), "none.bvh"),
+    ],
+)
+def test_what_cannot_be_gets_one_sentence_and_leaves_nothing(
+    words: tuple[str, ...],
+    message: str,
+    finished: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "empty").mkdir()
+    places = {"RUN": str(finished), "EMPTY": str(tmp_path / "empty")}
+    for name, place in places.items():
+        words = tuple(word.replace(name, place) for word in words)
+    assert call(monkeypatch, tmp_path / "out", *words) == 1
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+    assert "Traceback" not in captured.err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="the administrator may write everywhere")
+def test_places_that_cannot_be_written(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "shut").mkdir(mode=0o500)
+    assert call(monkeypatch, tmp_path / "shut" / "out", "task=export", f"run={finished}", "export=glb") == 1
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_exports_that_a_motion_does_not_allow_leave_no_file(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = f"clip={finished / 'motion.bvh'}"
+    words = ("task=edit", clip, "target.position=[2,5]", "target.heading=90", "pictures=false")
+    assert call(monkeypatch, tmp_path / "edit", *words) == 0
+    words = ("task=export", f"run={tmp_path / 'edit'}", "export=[csv,glb]", "exports.glb.cycles=3")
+    assert call(monkeypatch, tmp_path / "out", *words) == 1
+    assert "exports.glb: cycles=3: motion_edited is no loop" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
