@@ -58,7 +58,8 @@ def test_help_is_a_page(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     for group, choices in {
         "model": "smooth, thesis",
         "search": "cmaes, ga, gradient, hybrid, ordinary, random",
-        "task": "body, compare, edit, hopper, navigate, path, replay, run",
+        "export": "bvh_blender, bvh_unity, bvh_unreal, csv, fbx, glb, glb_mixamo, glb_unreal, html, npz",
+        "task": "body, compare, edit, export, hopper, navigate, path, replay, run",
     }.items():
         assert f"{group}: {choices}" in out
     # Hydra puts all choices of a group on one line.

@@ -163,7 +163,7 @@ def seam_rows(files: Sequence[Exported]) -> list[Row]:
         if file.settings.kind not in ("bvh", "glb"):
             continue
         for take, run in zip(file.takes, file.runs, strict=True):
-            if run.loop and run.name != "path":
+            if run.loop:
                 found = seam(read_back(file)[take.name])
                 ratio = f"{found.kink / found.elsewhere:.2f}"
                 gap = f"{1000 * found.gap:.4f}"

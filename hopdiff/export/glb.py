@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from hopdiff import __version__
 from hopdiff.export.body_mesh import body_mesh
 from hopdiff.export.loft import Surface
+from hopdiff.export.pose import root_height
 from hopdiff.export.take import Take
 from hopdiff.geometry.quaternion import quaternions
 from hopdiff.geometry.skeleton import Skeleton
@@ -84,7 +85,7 @@ class _Writer:
         skeleton = take.clip.skeleton
         first = len(self.nodes)
         rest = skeleton.offsets.clone()
-        rest[0] = torch.tensor([0.0, _standing(skeleton), 0.0])
+        rest[0] = torch.tensor([0.0, root_height(skeleton), 0.0])
         for joint, joint_name in enumerate(skeleton.names):
             node: dict[str, Any] = {"name": joint_name, "translation": _numbers(rest[joint])}
             if children := skeleton.children(joint):
@@ -204,14 +205,6 @@ class _Writer:
 def _same(a: Skeleton, b: Skeleton) -> bool:
     alike = (a.names, a.parents) == (b.names, b.parents)
     return alike and bool(((a.offsets - b.offsets).abs() < ALIKE)[1:].all())
-
-
-def _standing(skeleton: Skeleton) -> float:
-    """Height of the root joint with which the rest pose stands on the ground [m]."""
-    straight = torch.eye(3, dtype=torch.float64).expand(1, len(skeleton.names), 3, 3)
-    places, frames = skeleton.forward(torch.zeros(1, 3).double(), straight)
-    ends = skeleton.end_positions(places, frames)
-    return -min(float(places[..., 1].min()), *(float(end[..., 1].min()) for end in ends.values()), 0.0)
 
 
 def _material(side: str) -> dict[str, Any]:

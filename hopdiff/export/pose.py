@@ -39,6 +39,14 @@ def with_rest_pose(take: Take, pose: str) -> Take:
     return replace(take, clip=clip)
 
 
+def root_height(skeleton: Skeleton) -> float:
+    """Height of the root joint with which the rest pose stands on the ground [m]."""
+    straight = torch.eye(3, dtype=torch.float64).expand(1, len(skeleton.names), 3, 3)
+    places, frames = skeleton.forward(torch.zeros(1, 3, dtype=torch.float64), straight)
+    ends = skeleton.end_positions(places, frames)
+    return -min(float(places[..., 1].min()), *(float(end[..., 1].min()) for end in ends.values()), 0.0)
+
+
 def _arms_at(skeleton: Skeleton, angle: float) -> Tensor:
     """(J, 3, 3) orientations of all joints in the rest pose with arms at an angle above the horizontal [rad]."""
     parts = parts_of(skeleton)

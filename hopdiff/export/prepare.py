@@ -10,7 +10,7 @@ from torch import Tensor
 from hopdiff.export.anatomy import renamed
 from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.export.ground import ground_path
-from hopdiff.export.pose import mirrored, with_rest_pose
+from hopdiff.export.pose import mirrored, root_height, with_rest_pose
 from hopdiff.export.settings import ExportSettings
 from hopdiff.export.take import Take
 from hopdiff.geometry.rotation import axis_rotation
@@ -73,7 +73,7 @@ def with_ground_root(take: Take, name: str) -> Take:
     local = (turn @ (clip.root_position - place).unsqueeze(-1)).squeeze(-1)
     rest = skeleton.offsets.clone()
     # In the rest pose the body stands on the ground; in the motion its old root moves against the new one.
-    rest[0] = torch.stack((torch.zeros(()).double(), local[:, 1].mean(), torch.zeros(()).double()))
+    rest[0] = rest.new_tensor((0.0, root_height(skeleton), 0.0))
     body = skeleton.offsets.expand(take.frames, -1, -1) if clip.offsets is None else clip.offsets
     moving = torch.cat((place.unsqueeze(1), local.unsqueeze(1), body[:, 1:]), dim=1)
     whole = Skeleton(

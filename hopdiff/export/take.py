@@ -19,6 +19,7 @@ from hopdiff.motion import Motion
 from hopdiff.numerics import GRAVITY
 from hopdiff.types import HopdiffError
 
+CLOSED = 1e-3  # m by which joints may be off where a loop goes on: standing feet would slip by as much
 RIGID = 1e-3  # m by which joints may move against their parents and still be taken for fixed
 MAX_FRAMES = 1_000_000
 PLACES = ("feet", "com")  # fields that are points in the world
@@ -55,7 +56,7 @@ class Take:
         return cls(
             name,
             clip,
-            is_loop(clip),
+            _closes(clip),
             motion.contact.cpu(),
             motion.feet.double().cpu(),
             motion.com.double().cpu(),
@@ -70,13 +71,13 @@ class Take:
         clip = _plain(clip)
         legs = find_legs(clip.skeleton)
         if not legs or clip.frames < 2:
-            return cls(name, clip, is_loop(clip), numbers=dict(numbers))
+            return cls(name, clip, _closes(clip), numbers=dict(numbers))
         contacts = find_contacts(clip, legs)
         points = contact_points(clip, contacts)
         own = [[i for i, (leg, _) in enumerate(contacts.points) if leg == k] for k in range(len(legs))]
         contact = torch.stack([contacts.touching[:, one].any(dim=-1) for one in own], dim=-1)
         feet = torch.stack([points[:, one].mean(dim=1) for one in own], dim=1)
-        return cls(name, clip, is_loop(clip), contact, feet, numbers=dict(numbers))
+        return cls(name, clip, _closes(clip), contact, feet, numbers=dict(numbers))
 
     def repeated(self, count: int) -> Take:
         """A loop laid end to end. Raises HopdiffError, naming the take, for a motion that is no loop."""
@@ -138,6 +139,15 @@ def _along(take: Take) -> dict[str, Any]:
     """What is known for every frame besides the clip, by field."""
     values = {entry.name: getattr(take, entry.name) for entry in fields(take)}
     return {name: value for name, value in values.items() if isinstance(value, Tensor)}
+
+
+def _closes(clip: Clip) -> bool:
+    """Whether a clip goes on where it began without a jump."""
+    if not is_loop(clip):
+        return False
+    places = torch.cat((clip.joint_positions(), *(end.unsqueeze(1) for end in clip.end_positions().values())), dim=1)
+    again = repetitions(clip, 2)[1].points(places[0])
+    return bool(((places[-1] - again).norm(dim=-1) < CLOSED).all())
 
 
 def _plain(clip: Clip) -> Clip:

@@ -34,6 +34,7 @@ LIBRARIES = (
     "svgelements",
     "shapely",
     "pyyaml",
+    "trimesh",
 )
 
 

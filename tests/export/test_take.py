@@ -5,7 +5,9 @@ from dataclasses import replace
 import pytest
 import torch
 
+from hopdiff.editing.loop import is_loop
 from hopdiff.export.take import Take
+from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.types import HopdiffError
 from tests.editing.walks import stride_motion
 from tests.export.takes import captured, own
@@ -55,6 +57,18 @@ def test_what_is_no_loop_is_not_repeated() -> None:
         replace(own(), loop=False).repeated(2)
     with pytest.raises(HopdiffError, match="makes more than"):
         own().repeated(10_000_000)
+
+
+def test_a_motion_that_ends_almost_as_it_began_is_no_loop() -> None:
+    """Standing feet would slip where it goes on."""
+    take = own()
+    rotations = take.clip.rotations.clone()
+    knee = take.clip.skeleton.index("left_knee")
+    rotations[-1, knee] = rotations[-1, knee] @ axis_rotation("X", torch.tensor(0.01, dtype=torch.float64))
+    bent = replace(take.clip, rotations=rotations)
+    assert is_loop(bent)
+    assert Take.of_clip("bent", take.clip, {}).loop
+    assert not Take.of_clip("bent", bent, {}).loop
 
 
 @pytest.mark.parametrize("fps", [24.0, 30.0, 60.0, 120.0])
