@@ -32,7 +32,7 @@ def sentence(error: BaseException, known: Callable[[], Iterable[str]]) -> str | 
         case HopdiffError():
             return str(error)
         case MissingConfigException():
-            return _missing_choice(error)
+            return _missing_choice(error, known)
         case OverrideParseException():
             return (
                 f"The override {error.override!r} cannot be read: write NAME=VALUE, with quotes around unusual values."
@@ -52,10 +52,11 @@ def sentence(error: BaseException, known: Callable[[], Iterable[str]]) -> str | 
     return f"{one_line(error)}." if _raised_abroad(error) else None
 
 
-def _missing_choice(error: MissingConfigException) -> str:
+def _missing_choice(error: MissingConfigException, known: Callable[[], Iterable[str]]) -> str:
     group, _, name = str(error.missing_cfg_file or "").rpartition("/")
-    if group and not error.options:  # one of a list of choices
-        return f"Unknown {group} {name!r}: python -m hopdiff --help lists what there is."
+    if group and not error.options:  # one of a list of choices, whose settings are called after them
+        choices = {setting.split(".")[1] for setting in known() if setting.startswith(f"{group}s.")}
+        return unknown(group, name, choices)
     if not error.options:
         return f"Unknown group {group or name!r}: python -m hopdiff --help lists the groups."
     return unknown(group, name, error.options)

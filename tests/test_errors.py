@@ -57,7 +57,7 @@ MISTAKES = {
     "genes=none": "Unknown genes 'none'",
     "genes.genes.touchdown_angle.high=95": "the range of 'touchdown_angle'",
     "~genes.genes.touchdown_angle": "'touchdown_angle' is missing",
-    "task=fly": "Unknown task 'fly': choose one of body, compare, edit, hopper, navigate, path, replay, run",
+    "task=fly": "Unknown task 'fly': choose one of body, compare, edit, export, hopper, navigate, path, replay, run",
     "task=replay": "task=replay needs genes_file=FILE",
     "task=compare": "task=compare needs runs=FOLDER",
     "experiment=brisk": "write +experiment=NAME",

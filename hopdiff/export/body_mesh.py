@@ -108,7 +108,9 @@ class _Body:
                 below = _smooth(0.5 + 0.5 * past)
                 radius = thick[k] * float(np.interp(share, profile[:, 0], profile[:, 1]))
                 radius += (knee - radius) * max(0.0, 1.0 - (share if k else 1.0 - share) / 0.2)
-                rings.append(_ring(start + share * (stop - start), stop - start, radius, {a: 1.0 - below, b: below}))
+                rings.append(
+                    Ring.around(start + share * (stop - start), stop - start, radius, {a: 1.0 - below, b: below})
+                )
         self.found[side].append(loft(rings, thick[0] * UPPER[0, 1] * 0.8, thick[1] * LOWER[-1, 1] * 0.7))
         self.covered |= {b} | ({self.parts[lower]} if lower in self.parts else set())
         self.taken |= set() if lower in self.parts else {b}
@@ -157,7 +159,7 @@ class _Body:
         way = fore / np.linalg.norm(fore) * 0.7 * np.linalg.norm(fore) if tip is None else tip - self.places[wrist]
         length, volume = float(np.linalg.norm(way)), HAND * self.masses[f"{side}_elbow"] / DENSITY
         radius = math.sqrt(volume / (4.0 / 3.0 * math.pi * 0.5 * length))
-        frame = _ring(self.places[wrist], way, radius, {})
+        frame = Ring.around(self.places[wrist], way, radius, {})
         self.found[side].append(
             ellipsoid(self.places[wrist] + 0.45 * way, (0.55 * way, 1.25 * frame.across, 0.8 * frame.deep), wrist)
         )
@@ -239,13 +241,13 @@ class _Body:
         up = up / length
         tall = min(0.43 * length, 1.25 * (volume * 3.0 / (4.0 * math.pi)) ** (1.0 / 3.0))
         thick = math.sqrt(volume / (4.0 / 3.0 * math.pi * tall))
-        frame = _ring(crown, up, thick, {})
+        frame = Ring.around(crown, up, thick, {})
         middle = crown - tall * up + 0.08 * thick * frame.deep / thick
         self.found["middle"].append(ellipsoid(middle, (tall * up, 0.9 * frame.across, 1.1 * frame.deep), joint))
         start, stop = self.places[base] - 0.1 * length * up, crown - 1.2 * tall * up
         radius = 0.55 * thick
         rings = [
-            _ring(
+            Ring.around(
                 start + share * (stop - start),
                 up,
                 radius * (1.15 - 0.15 * share),
@@ -271,7 +273,7 @@ class _Body:
                 if hidden or length < 1e-4:
                     continue
                 rings = [
-                    _ring(
+                    Ring.around(
                         self.places[owner] + share * (place - self.places[owner]),
                         place - self.places[owner],
                         BONE * length * size,
@@ -300,15 +302,6 @@ def _radius(mass: float, start: Floats, stop: Floats, profile: Floats) -> float:
     share = np.linspace(0.0, 1.0, 101)
     squares = np.interp(share, profile[:, 0], profile[:, 1]) ** 2
     return math.sqrt(mass / DENSITY / (math.pi * float(np.linalg.norm(stop - start)) * float(squares.mean())))
-
-
-def _ring(centre: Floats, way: Floats, radius: float, weights: Mapping[int, float]) -> Ring:
-    """A circle across a way; its deep axis points ahead as far as that goes."""
-    unit = way / np.linalg.norm(way)
-    ahead = np.array([0.0, 0.0, 1.0]) if abs(unit[2]) < 0.8 else np.array([0.0, 1.0, 0.0])
-    deep = ahead - (ahead @ unit) * unit
-    deep = deep / np.linalg.norm(deep)
-    return Ring(np.asarray(centre, dtype=np.float64), radius * np.cross(unit, deep), radius * deep, weights)
 
 
 def _between(height: float, heights: Sequence[float], line: Sequence[int]) -> dict[int, float]:

@@ -24,6 +24,15 @@ class Ring:
     deep: Floats
     weights: Mapping[int, float]
 
+    @classmethod
+    def around(cls, centre: Floats, way: Floats, radius: float, weights: Mapping[int, float]) -> Ring:
+        """A circle across a way (3,); its deep axis points ahead, to +z, as far as that goes."""
+        unit = way / np.linalg.norm(way)
+        ahead = np.array([0.0, 0.0, 1.0]) if abs(unit[2]) < 0.8 else np.array([0.0, 1.0, 0.0])
+        deep = ahead - (ahead @ unit) * unit
+        deep = deep / np.linalg.norm(deep)
+        return cls(np.asarray(centre, dtype=np.float64), radius * np.cross(unit, deep), radius * deep, weights)
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:

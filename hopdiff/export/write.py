@@ -43,16 +43,20 @@ def write_exports(
             jobs.append((name, whole, ready, settings))
         else:
             jobs += [(name, whole.with_stem(f"{whole.stem}_{plain(take.name)}"), [take], settings) for take in ready]
-    paths = [path for _, path, _, _ in jobs]
-    for path in paths:
-        if paths.count(path) > 1:
-            raise HopdiffError(f"two exports are called {path.name!r}: set exports.NAME.file of one of them.")
+    different([path.name for _, path, _, _ in jobs])
     for name, path, ready, settings in jobs:
         try:
             _WRITERS[settings.kind](path, ready, settings)
         except HopdiffError as error:
             raise HopdiffError(f"exports.{name}: {error}") from error
     return [(path, ready[0]) for _, path, ready, _ in jobs]
+
+
+def different(files: Sequence[str]) -> None:
+    """Raises HopdiffError for two files of one name."""
+    for file in files:
+        if files.count(file) > 1:
+            raise HopdiffError(f"two exports are called {file!r}: set exports.NAME.file of one of them.")
 
 
 def distinct(takes: Sequence[Take]) -> list[Take]:

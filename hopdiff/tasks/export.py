@@ -13,7 +13,7 @@ from hopdiff.export.retarget import Target, read_target, retargeted, write_retar
 from hopdiff.export.settings import ExportSettings
 from hopdiff.export.tables import read_npz
 from hopdiff.export.take import Take
-from hopdiff.export.write import distinct, plain, write_exports
+from hopdiff.export.write import different, distinct, plain, write_exports
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.files import read_json
 from hopdiff.io.record import prepare_folder
@@ -51,6 +51,7 @@ class Exports:
         """Raises HopdiffError, naming setting or file, for what cannot be, before any motion is made."""
         for name, settings in files.items():
             settings.check(name)
+        different([settings.file_name(name) for name, settings in files.items()])
         for settings in files.values():
             if settings.kind == "fbx":
                 find_blender(settings.blender)

@@ -17,7 +17,16 @@ from hopdiff.cli import main
 from hopdiff.geometry.curve import curve_through
 
 FILES = {
-    *("motion.bvh", "path.csv", "genes.json", "history.csv", "metrics.json", "config.yaml", "versions.json"),
+    *(
+        "motion.bvh",
+        "motion.npz",
+        "path.csv",
+        "genes.json",
+        "history.csv",
+        "metrics.json",
+        "config.yaml",
+        "versions.json",
+    ),
     *("git.json", "events"),
 }
 PICTURES = {"motion.gif", "path.png", "along.png", "convergence.png"}

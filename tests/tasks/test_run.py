@@ -20,6 +20,7 @@ from hopdiff.search.loop import OnStep
 
 FILES = {
     "motion.bvh",
+    "motion.npz",
     "motion_in_place.bvh",
     "genes.json",
     "metrics.json",
