@@ -5,19 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hopdiff.api import generate
+    from hopdiff.api import generate, save
     from hopdiff.types import HopdiffError
 
 __version__ = "0.1.0"
-__all__ = ["HopdiffError", "__version__", "generate"]
+__all__ = ["HopdiffError", "__version__", "generate", "save"]
 
 
 def __getattr__(name: str) -> Any:
     """Load the generator when it is first used, so that its parts can be imported without the whole."""
-    if name == "generate":
-        from hopdiff.api import generate
+    if name in ("generate", "save"):
+        from hopdiff import api
 
-        return generate
+        return getattr(api, name)
     if name == "HopdiffError":
         from hopdiff.types import HopdiffError
 

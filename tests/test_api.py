@@ -9,6 +9,7 @@ from hydra.core.global_hydra import GlobalHydra
 
 import hopdiff
 from hopdiff.config import compose, config_folder
+from hopdiff.io.bvh import read_bvh
 
 TINY = {"search": "random", "evaluations": 60}
 
@@ -68,3 +69,34 @@ def test_mistakes_are_hopdiff_errors(arguments: dict, says: str) -> None:
 def test_settings_reach_the_search() -> None:
     run = hopdiff.generate(search="random", evaluations=40, settings=("search.population=10",))
     assert [row.evaluations for row in run.history] == [10, 20, 30, 40]
+
+
+def test_saved_runs_are_those_that_were_made(tmp_path: Path) -> None:
+    runs = [hopdiff.generate(speed=speed, **TINY) for speed in (3, 5)]
+    files = hopdiff.save(runs, tmp_path / "out", "glb", "bvh_unreal", settings=("exports.bvh_unreal.fps=30",))
+    assert [file.name for file in files[:1]] == ["motion.glb"]
+    assert sorted(file.name for file in files) == sorted(file.name for file in (tmp_path / "out").iterdir())
+    assert len(files) == 3
+    for run, file in zip(runs, files[1:], strict=True):
+        clip = read_bvh(file, 0.01, "z").clip()
+        assert clip.duration == pytest.approx(run.clip.duration, rel=1e-4)
+        hips = run.clip.joint_positions()[-1, run.clip.skeleton.index("left_hip")]
+        torch.testing.assert_close(clip.joint_positions()[-1, clip.skeleton.index("thigh_l")], hips, atol=1e-3, rtol=0)
+    assert hopdiff.save(runs[0], tmp_path / "one", "csv") == [tmp_path / "one" / "joints.csv"]
+
+
+@pytest.mark.parametrize(
+    ("exports", "settings", "says"),
+    [
+        (("gbl",), (), "Unknown export 'gbl'"),
+        ((), (), "save needs the name of an export"),
+        (("glb",), ("exports.glb.fps=0",), "exports.glb.fps must lie between"),
+    ],
+)
+def test_mistakes_in_saving_leave_nothing(
+    tmp_path: Path, exports: tuple[str, ...], settings: tuple[str, ...], says: str
+) -> None:
+    run = hopdiff.generate(**TINY)
+    with pytest.raises(hopdiff.HopdiffError, match=says):
+        hopdiff.save(run, tmp_path / "out", *exports, settings=settings)
+    assert not (tmp_path / "out").exists()

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
-import torch
 import yaml
 
 from hopdiff.config import build_job, build_route, compose, config_folder
 from hopdiff.export.settings import ExportSettings
 from hopdiff.export.take import Take
 from hopdiff.io.bvh import read_bvh
-from hopdiff.models.course import run_along
-from hopdiff.tasks.job import Job, find, search_run
-from hopdiff.tasks.path import whole_strides
+from hopdiff.tasks.job import find, search_run
+from hopdiff.tasks.path import path_run as along
 
 CAPTURED = ("run_cmu_16_35", "run_turn_left90_cmu_16_42")  # of a folder of captured clips, those that run
 BVH_OPTIONS = {"y": ("-Z", "Y"), "z": ("Y", "Z")}  # up of a file -> what Blender's importer calls forward and up
@@ -38,8 +35,7 @@ def own_runs(evaluations: int, path: bool = True) -> dict[str, Take]:
     found = {}
     for name, speed, beta in (("jog", 3.0, 0.2), ("brisk", 5.0, 0.7)):
         job = build_job(compose([f"speed={speed}", f"beta={beta}", f"budget.evaluations={evaluations}"]))
-        run = search_run(job)
-        found[name] = Take.of_motion(name, run.motion, masses(job), run.metrics)
+        found[name] = replace(search_run(job).take(), name=name)
     if path:
         found["path"] = path_run(evaluations)
     return found
@@ -51,17 +47,7 @@ def path_run(evaluations: int) -> Take:
     route = build_route(config)
     config.speed = route.speed
     job = build_job(config)
-    genes, strides = whole_strides(job.problem, find(job).best_genes, route.time)
-    with torch.no_grad():
-        gait = job.problem.gait(genes.unsqueeze(0))
-        motion = run_along(gait, route.curve, strides, route.time, job.fps, route.max_lean)
-    return Take.of_motion("path", motion, masses(job), {"stride_time": route.time / strides})
-
-
-def masses(job: Job) -> Mapping[str, float]:
-    """Of the segments of a job's body, by joint [kg]."""
-    body = job.problem.character
-    return dict(zip(body.skeleton.names, body.masses.tolist(), strict=True))
+    return replace(along(job, route, find(job)).take(), name="path")
 
 
 def captured_clips(folder: Path | None) -> dict[str, Take]:

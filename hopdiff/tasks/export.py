@@ -18,7 +18,8 @@ from hopdiff.io.bvh import read_bvh
 from hopdiff.io.files import read_json
 from hopdiff.io.record import prepare_folder
 from hopdiff.tasks.compare import find_runs
-from hopdiff.tasks.results import run_name, shown, write_record
+from hopdiff.tasks.job import run_name
+from hopdiff.tasks.results import shown, write_record
 from hopdiff.types import HopdiffError
 
 # What a run folder holds its motion in; the first that is there counts.
@@ -113,7 +114,7 @@ def export(
         raise HopdiffError("task=export needs export=[...], as export=[glb,bvh_blender]; --help lists what there is.")
     takes = distinct([read_take(source) for source in sources])
     prepare_folder(folder)
-    written = write_all(takes, exports, folder)
+    written = _rows(write_all(takes, exports, folder))
     write_record(folder, settings, command)
     rows = [("motions", _motions(takes)), *written, ("files", shown(folder))]
     print("\n".join(f"{name:<9} {text}" for name, text in rows), flush=True)
@@ -121,12 +122,15 @@ def export(
 
 def export_result(folder: Path, exports: Exports) -> None:
     """Write the motion of a run folder that was just made into that folder."""
-    written = write_all([read_take(folder)], exports, folder)
-    print("\n".join(f"{name:<9} {text}" for name, text in written), flush=True)
+    rows = _rows(write_all([read_take(folder)], exports, folder))
+    print("\n".join(f"{name:<9} {text}" for name, text in rows), flush=True)
 
 
-def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> list[tuple[str, str]]:
-    """Write takes in all wanted forms; returns lines for people: what, and file with its size."""
+def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> list[tuple[Path, Take]]:
+    """Write takes in all wanted forms; returns the files, each with the first motion in it.
+
+    Raises HopdiffError for what a motion does not allow, or a file that cannot be written.
+    """
     written: list[tuple[Path, Take]] = []
     if exports.target is not None:
         takes = [retargeted(take, exports.target) for take in takes]
@@ -135,7 +139,11 @@ def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> list[tup
             path = folder / f"{name}{exports.target.suffix}"
             write_retargeted(path, take, exports.target)
             written.append((path, take))
-    written += write_exports(takes, exports.files, folder)
+    return written + write_exports(takes, exports.files, folder)
+
+
+def _rows(written: Sequence[tuple[Path, Take]]) -> list[tuple[str, str]]:
+    """Lines for people: what, and file with its size."""
     wide = max(len(path.name) for path, _ in written)
     return [
         ("exported" if k == 0 else "", f"{path.name:<{wide}}  {_size(path):>7}  {_frames(take)}")

@@ -10,6 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from hopdiff.export.take import Take
 from hopdiff.genes import GeneTable
 from hopdiff.geometry.clip import Clip
 from hopdiff.metrics import run_metrics
@@ -42,19 +43,30 @@ class Job:
 class Run:
     """A run that was found or replayed.
 
-    genes: value by name, in the units of the gene table. metrics: what metrics.json holds, SI units.
-    history: one row a step of the search, none for a replay. interrupted: whether the user broke the search off.
+    genes: value by name, in the units of the gene table. metrics: what metrics.json holds, SI units. masses: of the
+    body's segments by joint [kg]. history: one row a step of the search, none for a replay. interrupted: whether the
+    user broke the search off.
     """
 
     motion: Motion
     genes: dict[str, float]
     metrics: dict[str, Any]
+    masses: dict[str, float]
     history: list[HistoryRow] = field(default_factory=list)
     interrupted: bool = False
 
     @property
     def clip(self) -> Clip:
         return self.motion.clip
+
+    def take(self) -> Take:
+        """The run as other programs are given it."""
+        return Take.of_motion(run_name(self.metrics), self.motion, self.masses, self.metrics)
+
+
+def run_name(metrics: Mapping[str, Any]) -> str:
+    """What a run is called in other programs: run_v5_beta0.7."""
+    return f"run_v{metrics['speed']:.3g}_beta{metrics['beta']:g}"
 
 
 def search_run(job: Job, on_step: OnStep | None = None) -> Run:
@@ -75,10 +87,12 @@ def make_run(job: Job, genes: Tensor, result: SearchResult | None = None) -> Run
     """Make the run of one candidate. genes: (G,) in the unit box; result: the search that found it, if any."""
     motion = job.problem.motion(genes, job.fps)
     values = job.table.to_physical(genes).tolist()
+    body = job.problem.character
     return Run(
         motion=motion,
         genes=dict(zip(job.table.names, values, strict=True)),
         metrics={**run_metrics(job.problem, genes), **_provenance(job, motion, result)},
+        masses=dict(zip(body.skeleton.names, body.masses.tolist(), strict=True)),
         history=result.history if result else [],
         interrupted=result.interrupted if result else False,
     )

@@ -24,6 +24,7 @@ from hopdiff.numerics import GRAVITY
 from hopdiff.plots.animation import write_path_gif
 from hopdiff.plots.path import oblique_figure, path_figure
 from hopdiff.problem import RunProblem
+from hopdiff.search.loop import SearchResult
 from hopdiff.tasks.job import Job, Run, make_run
 from hopdiff.tasks.results import Figures, search_figures, shown, write_motion, write_numbers, write_pictures
 from hopdiff.tasks.run import searched
@@ -144,7 +145,17 @@ def run_path(job: Job, route: Route, folder: Path, command: list[str]) -> bool:
             "genes.fixed.duty_factor cannot be set with task=path: whole strides fill path.time by the duty factor."
         )
     prepare_folder(folder)
-    result = searched(job)
+    run = path_run(job, route, searched(job))
+    write_path_run(folder, job, route, run, command)
+    print(path_summary(folder, run), flush=True)
+    return run.interrupted
+
+
+def path_run(job: Job, route: Route, result: SearchResult) -> Run:
+    """The run that a search found, led along a route in whole strides.
+
+    Raises HopdiffError if whole strides do not fit, or a turn is out of a leg's reach.
+    """
     genes, strides = whole_strides(job.problem, result.best_genes, route.time)
     run = make_run(job, genes, result)
     gait = job.problem.gait(genes.unsqueeze(0))
@@ -155,10 +166,7 @@ def run_path(job: Job, route: Route, folder: Path, command: list[str]) -> bool:
     stride = route.time / strides
     made = {"stride_time": stride, "step_frequency": 2.0 / stride, "stride_adjustment": stride / before - 1.0}
     metrics = run.metrics | path_metrics(route, motion, strides) | made
-    run = replace(run, motion=motion, metrics=metrics)
-    write_path_run(folder, job, route, run, command)
-    print(path_summary(folder, run), flush=True)
-    return run.interrupted
+    return replace(run, motion=motion, metrics=metrics)
 
 
 def whole_strides(problem: RunProblem, genes: Tensor, time: float) -> tuple[Tensor, int]:
@@ -217,7 +225,7 @@ def path_metrics(route: Route, motion: Motion, strides: int) -> dict[str, Any]:
 def write_path_run(folder: Path, job: Job, route: Route, run: Run, command: list[str]) -> None:
     """Write everything a run along a path leaves behind. Raises HopdiffError if a file cannot be written."""
     motion = run.motion
-    write_motion(folder, job, run)
+    write_motion(folder, run)
     arc = route.curve.length * torch.arange(run.clip.frames, dtype=torch.float64) / (run.clip.frames - 1)
     point, heading = route.curve.position(arc), route.curve.heading(arc)
     rows = torch.cat((torch.stack((motion.times.cpu().double(), arc), dim=-1), point, heading[:, None]), dim=-1)

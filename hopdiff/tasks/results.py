@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 
 from hopdiff.export.tables import write_npz
-from hopdiff.export.take import Take
 from hopdiff.io.bvh import write_bvh
 from hopdiff.io.events import write_events
 from hopdiff.io.files import write_whole
@@ -35,7 +34,7 @@ def write_run(folder: Path, job: Job, run: Run, command: list[str]) -> None:
 
     Raises HopdiffError if a file cannot be written.
     """
-    write_motion(folder, job, run)
+    write_motion(folder, run)
     write_bvh(folder / "motion_in_place.bvh", run.clip.in_place())
     pictures = {}
     if job.settings["pictures"]:
@@ -44,17 +43,10 @@ def write_run(folder: Path, job: Job, run: Run, command: list[str]) -> None:
     write_numbers(folder, job, run, command, pictures)
 
 
-def write_motion(folder: Path, job: Job, run: Run) -> None:
+def write_motion(folder: Path, run: Run) -> None:
     """Write the motion: for other programs, and with everything known of it for task=export."""
     write_bvh(folder / "motion.bvh", run.clip)
-    character = job.problem.character
-    masses = dict(zip(character.skeleton.names, character.masses.tolist(), strict=True))
-    write_npz(folder / "motion.npz", Take.of_motion(run_name(run.metrics), run.motion, masses, run.metrics))
-
-
-def run_name(metrics: Mapping[str, Any]) -> str:
-    """What a run is called in other programs: run_v5_beta0.7."""
-    return f"run_v{metrics['speed']:.3g}_beta{metrics['beta']:g}"
+    write_npz(folder / "motion.npz", run.take())
 
 
 def write_numbers(folder: Path, job: Job, run: Run, command: list[str], pictures: Mapping[str, Path]) -> None:
