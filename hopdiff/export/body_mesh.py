@@ -14,7 +14,7 @@ import torch
 
 from hopdiff.export.anatomy import parts_of
 from hopdiff.export.full_body import HEEL, TOE_TIP
-from hopdiff.export.loft import Floats, Ring, Surface, ellipsoid, joined, loft
+from hopdiff.export.loft import Floats, Ring, Surface, ellipsoid, joined, loft, through
 from hopdiff.geometry.skeleton import Skeleton
 
 DENSITY = 1000.0  # kg/m^3
@@ -106,7 +106,7 @@ class _Body:
                 # Along both bones from the knee, in its thickness: it bends from one side of the knee to the other.
                 past = (share if k else share - 1.0) * length / knee
                 below = _smooth(0.5 + 0.5 * past)
-                radius = thick[k] * float(np.interp(share, profile[:, 0], profile[:, 1]))
+                radius = thick[k] * float(through(profile)(share)[0])
                 radius += (knee - radius) * max(0.0, 1.0 - (share if k else 1.0 - share) / 0.2)
                 rings.append(
                     Ring.around(start + share * (stop - start), stop - start, radius, {a: 1.0 - below, b: below})
@@ -202,9 +202,10 @@ class _Body:
         area = np.trapezoid(np.pi * outline[:, 1] * outline[:, 2], outline[:, 0] * length)
         depth = mass / DENSITY / area
         heights = [float((self.places[joint] - low) @ up) / length for joint in line]
-        rings = []
-        for height in np.unique(np.concatenate((np.linspace(-0.09, outline[-1, 0], 14), outline[:, 0]))):
-            half, deep = (float(np.interp(height, outline[:, 0], outline[:, k])) for k in (1, 2))
+        rings, curve = [], through(outline)
+        # Evenly, for a smooth surface.
+        for height in np.linspace(outline[0, 0], outline[-1, 0], 24):
+            half, deep = curve(height).tolist()
             # Between two joints of the spine a ring follows both: mid-way from joint to joint it goes over.
             weights = _between(height, heights[: max(1, len(line) - 1)], line)
             centre = low + height * length * up
@@ -300,7 +301,7 @@ def _ordinary(skeleton: Skeleton, places: Floats, parts: Mapping[str, int]) -> d
 def _radius(mass: float, start: Floats, stop: Floats, profile: Floats) -> float:
     """Mean radius of a limb of a mass [m], whose thickness goes by a profile."""
     share = np.linspace(0.0, 1.0, 101)
-    squares = np.interp(share, profile[:, 0], profile[:, 1]) ** 2
+    squares = through(profile)(share)[:, 0] ** 2
     return math.sqrt(mass / DENSITY / (math.pi * float(np.linalg.norm(stop - start)) * float(squares.mean())))
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 Floats = NDArray[np.float64]
 
@@ -43,6 +44,12 @@ class Surface:
     faces: NDArray[np.int64]
     joints: NDArray[np.int64]
     weights: Floats
+
+
+def through(points: Floats) -> Callable[[float | Floats], Floats]:
+    """A curve without corners or overshoot through rows of a place and values: place -> values (..., K)."""
+    places, first = np.unique(points[:, 0], return_index=True)
+    return PchipInterpolator(places, points[first, 1:])
 
 
 def joined(surfaces: Sequence[Surface]) -> Surface:
