@@ -13,9 +13,11 @@ from PIL import Image
 
 from experiments.bench.__main__ import processor
 from experiments.exports.blender import import_options, look
+from experiments.exports.in_browser import find_chromium
 from experiments.exports.measure import (
     Exported,
     blender_rows,
+    browser_rows,
     export_all,
     feet_rows,
     in_blender,
@@ -34,7 +36,7 @@ from hopdiff.types import HopdiffError
 
 HERE = Path(__file__).parent
 PICTURED = 0.4  # of the brisk run's stride, in flight
-COLOURS = 128  # of the picture, which keeps its file small
+COLOURS = 128  # of pictures, which keeps their files small
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -48,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     torch.set_num_threads(1)
     program = blender(given.blender)
     runs = list(own_runs(given.evaluations).values())
-    # Pages are looked at in a browser.
+    # Pages are looked at in a browser, below.
     wanted = {name: one for name, one in presets().items() if one.kind != "html" and (one.kind != "fbx" or program)}
     with tempfile.TemporaryDirectory(prefix="hopdiff_exports_") as folder:
         files = export_all(runs, wanted, Path(folder))
@@ -58,6 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "",
             *blender_part(program, files),
             *validator_part(files),
+            *browser_part(runs, Path(folder), given.out / "pictures"),
             *feet_part(files, runs, given.clips),
             "## Time",
             "",
@@ -119,6 +122,29 @@ def validator_part(files: Sequence[Exported]) -> list[str]:
     ]
 
 
+def browser_part(runs: Sequence[Take], folder: Path, pictures: Path) -> list[str]:
+    try:
+        find_chromium()
+    except HopdiffError as error:
+        return ["## Chromium", "", f"Left out: {error}", ""]
+    pictures.mkdir(parents=True, exist_ok=True)
+    # Of the page that holds the loops, in one row.
+    rows = browser_rows([run for run in runs if run.loop], presets()["html"], folder, pictures / "page.png")
+    small(pictures / "page.png")
+    return [
+        f"## Chromium {rows[0][-1]}",
+        "",
+        "`motion.html` without a screen. Frames: to which the slider was set, and which the page then showed. Off:"
+        " farthest that any joint of any motion then was from ours. Moved: of a joint, while it played. Shades: in"
+        " the picture of the figures.",
+        "",
+        markdown(
+            ("motions", "kB", "ms to write", "frames", "off mm", "moved m", "shades", "console errors", "requests"),
+            [row[:-1] for row in rows],
+        ),
+    ]
+
+
 def feet_part(files: Sequence[Exported], runs: Sequence[Take], clips: Path | None) -> list[str]:
     captured = captured_clips(clips)
     note = "" if captured else " Captured clips are left out: --clips names no folder that has them."
@@ -152,9 +178,14 @@ def picture(program: str, files: Sequence[Exported], folder: Path) -> None:
     brisk = next(k for k, take in enumerate(file.takes) if take.name == "brisk")
     target, moment = folder / "blender.png", PICTURED * file.takes[brisk].clip.duration
     look(program, file.path, "glb", file.takes, file.runs, import_options(file.settings), (target, moment, "brisk"))
-    with Image.open(target) as whole:
+    small(target)
+
+
+def small(picture: Path) -> None:
+    """Save a picture again in few colours."""
+    with Image.open(picture) as whole:
         few = whole.convert("RGB").quantize(COLOURS)
-    few.save(target, optimize=True)
+    few.save(picture, optimize=True)
 
 
 if __name__ == "__main__":

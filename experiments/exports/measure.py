@@ -12,10 +12,12 @@ from pathlib import Path
 from experiments.exports.blender import Seen, import_options, look
 from experiments.exports.feet import seam, skating_ratio, standing, toes
 from experiments.exports.glb import read_glb
+from experiments.exports.in_browser import played
 from experiments.exports.runs import cut, lasting
 from experiments.exports.validator import validate
 from hopdiff.export.full_body import full_body
 from hopdiff.export.glb import glb_bytes
+from hopdiff.export.player import write_player
 from hopdiff.export.prepare import prepared
 from hopdiff.export.settings import UNITS, ExportSettings
 from hopdiff.export.take import Take
@@ -102,6 +104,37 @@ def validator_rows(files: Sequence[Exported], folder: Path) -> list[Row]:
             counts = (report.errors, report.warnings, report.infos, report.hints)
             size = f"{file.path.stat().st_size / 1000:.0f}"
             rows.append((file.preset, str(len(file.takes)), size, *map(str, counts), report.version))
+    return rows
+
+
+def browser_rows(runs: Sequence[Take], settings: ExportSettings, folder: Path, picture: Path) -> list[Row]:
+    """Rows by page: what Chromium does with it. runs: each has a page, and all have one together.
+
+    picture: a PNG file of the last page.
+    """
+    takes = [prepared(run, settings) for run in runs]
+    rows: list[Row] = []
+    for shown in (*([take] for take in takes), takes):
+        file = folder / "page.html"
+        begun = time.perf_counter()
+        write_player(file, shown, settings.together)
+        taken = time.perf_counter() - begun
+        last = max(shown, key=lambda take: take.clip.duration).frames - 1
+        found = played(file, shown, [*range(0, last, max(1, last // 10)), last], picture)
+        rows.append(
+            (
+                ", ".join(take.name for take in shown),
+                f"{file.stat().st_size / 1000:,.0f}",
+                f"{1000 * taken:.0f}",
+                f"{sum(wanted == frame for wanted, frame in found.shown)} / {len(found.shown)}",
+                f"{1000 * found.worst:.4f}",
+                f"{found.moved:.2f}",
+                f"{found.shades:,}",
+                str(len(found.errors)),
+                str(len(found.requests)),
+                found.version,
+            )
+        )
     return rows
 
 
