@@ -102,6 +102,9 @@ def parts_of(skeleton: Skeleton) -> dict[str, int]:
         ]
         if collar:
             arm["collar"] = collar[0]
+        if arm and found.get(f"{side}_hip") in arm.values():
+            # Of a body without that leg.
+            found = {part: joint for part, joint in found.items() if not part.startswith(side)}
         if "elbow" in arm:
             found |= {f"{side}_{part}": joint for part, joint in arm.items()}
     for part, words in _MIDDLE.items():

@@ -28,9 +28,11 @@ SOFT = 0.04  # rad about which a heel that would sink stays on the ground, so th
 
 @dataclass(frozen=True, eq=False)
 class _Foot:
-    """ball, tip: (3,) from the ankle of a level foot to its ball and to the tips of its toes [m]."""
+    """toe: its joint, at the ball. ball, tip: (3,) from the ankle of a level foot to its ball and the tips of its toes
+    [m]."""
 
     leg: Leg
+    toe: int
     ball: Tensor
     tip: Tensor
 
@@ -47,7 +49,7 @@ def with_feet(take: Take) -> Tensor:
 def _foot(skeleton: Skeleton, side: str) -> _Foot:
     hip, knee, ankle, toe = (skeleton.index(f"{side}_{part}") for part in ("hip", "knee", "ankle", "toe"))
     ball = skeleton.offsets[toe]
-    return _Foot(Leg(side, hip, knee, ankle, toe), ball, ball + skeleton.end_sites[f"{side}_toe"])
+    return _Foot(Leg(side, hip, knee, ankle, toe), toe, ball, ball + skeleton.end_sites[f"{side}_toe"])
 
 
 def _posed(take: Take, rotations: Tensor, k: int, foot: _Foot) -> Tensor:
@@ -80,6 +82,8 @@ def _posed(take: Take, rotations: Tensor, k: int, foot: _Foot) -> Tensor:
     pitch = pitch - _lift(pitch, ankle[:, 1], foot, swing, take.clip.frame_time)
     turned = rotations.clone()
     turned[:, leg.ankle] = shank.transpose(-1, -2) @ heading @ axis_rotation("X", pitch)
+    # Toes stay on the ground while the heel comes up.
+    turned[:, foot.toe] = axis_rotation("X", -(1.0 - swing) * pitch.clamp_min(0.0))
     return turned
 
 

@@ -150,10 +150,12 @@ def target_of(
     Raises HopdiffError, naming it, for parts that do not hang on each other, a missing leg, or a body that lies.
     """
     found = dict(parts)
+    lacking = {side: [part for part in ("hip", "knee") if f"{side}_{part}" not in found] for side in SIDES}
+    if all(lacking.values()):
+        raise HopdiffError(f"{name} lacks a pair of legs, or its joints' names do not tell them: see retarget.names.")
     for side in SIDES:
-        lacking = [part for part in ("hip", "knee") if f"{side}_{part}" not in found]
-        if lacking:
-            raise HopdiffError(f"{name} lacks a {side} leg: none of its joints is known to be the {lacking[0]}.")
+        if lacking[side]:
+            raise HopdiffError(f"{name} lacks a {side} leg: none of its joints is known to be the {lacking[side][0]}.")
         knee = found[f"{side}_knee"]
         end = skeleton.end_sites.get(skeleton.names[knee])
         if f"{side}_ankle" not in found and (end is None or float(end.norm()) < 1e-6):

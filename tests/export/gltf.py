@@ -62,14 +62,16 @@ class Gltf:
             moved[channel["target"]["node"], channel["target"]["path"]] = found
         parents = {child: k for k, node in enumerate(content["nodes"]) for child in node.get("children", ())}
 
-        def world(node: int) -> tuple[NDArray[np.float64], Rotation]:
+        def world(node: int) -> tuple[NDArray[np.float64], Rotation, float]:
             own = content["nodes"][node]
+            assert "matrix" not in own  # such nodes must not be animated
             place = moved.get((node, "translation"), np.array(own.get("translation", (0.0, 0.0, 0.0))))
             turn = moved.get((node, "rotation"), Rotation.from_quat(own.get("rotation", (0.0, 0.0, 0.0, 1.0))))
+            size = float(own.get("scale", (1.0, 1.0, 1.0))[0])
             if node not in parents:
-                return place, turn
-            above, turned = world(parents[node])
-            return above + turned.apply(place), turned * turn
+                return place, turn, size
+            above, turned, sized = world(parents[node])
+            return above + sized * turned.apply(place), turned * turn, sized * size
 
         nodes = {node for node, _ in moved}
         return {content["nodes"][node]["name"]: world(node)[0] for node in sorted(nodes)}
