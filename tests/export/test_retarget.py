@@ -196,7 +196,8 @@ def test_names_that_are_no_parts(tmp_path: Path, text: str, message: str) -> Non
 
 
 def lying(body: Skeleton) -> Skeleton:
-    turn = axis_rotation("X", torch.tensor(torch.pi / 2.0, dtype=torch.float64))
+    """On its side: one that lies on its back may be a file whose z is up."""
+    turn = axis_rotation("Z", torch.tensor(torch.pi / 2.0, dtype=torch.float64))
     ends = {name: turn @ end for name, end in body.end_sites.items()}
     return replace(body, offsets=(turn @ body.offsets.unsqueeze(-1)).squeeze(-1), end_sites=ends)
 

@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from hopdiff.export.glb import glb_bytes
+from hopdiff.geometry.rotation import axis_rotation
+from hopdiff.io.glb_file import read_glb
+from hopdiff.types import HopdiffError
+from tests.export.gltf import Gltf
+from tests.export.rigs import armature, glb, skeleton
+from tests.export.takes import own
+
+
+def content_of(data: bytes) -> dict[str, Any]:
+    return json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+
+
+def changed(data: bytes, change: Callable[[dict[str, Any]], Any]) -> bytes:
+    """A file with other content."""
+    content = content_of(data)
+    change(content)
+    binary = data[28 + struct.unpack_from("<I", data, 12)[0] :]
+    return glb(content, binary)
+
+
+def test_our_own_files_are_read_with_their_skeleton(tmp_path: Path) -> None:
+    (tmp_path / "a.glb").write_bytes(glb_bytes([own()]))
+    found, ours = read_glb(tmp_path / "a.glb").skeleton(), own().clip.skeleton
+    assert (found.names, found.parents) == (ours.names, ours.parents)
+    torch.testing.assert_close(found.offsets[1:], ours.offsets[1:], atol=1e-6, rtol=0)
+
+
+def test_scaled_and_turned_rigs_are_read_in_metres(tmp_path: Path) -> None:
+    body = skeleton()
+    (tmp_path / "rig.glb").write_bytes(armature(body, matrix_node=3, seed=1))
+    found = read_glb(tmp_path / "rig.glb").skeleton()
+    assert found.names == body.names
+    torch.testing.assert_close(found.offsets[1:], body.offsets[1:], atol=1e-9, rtol=0)
+
+
+def test_joints_of_one_name_become_two(tmp_path: Path) -> None:
+    def same(content: dict[str, Any]) -> None:
+        for node in content["nodes"][3:6]:
+            node["name"] = "Spine"
+        del content["nodes"][7]["name"]
+
+    (tmp_path / "rig.glb").write_bytes(changed(armature(skeleton()), same))
+    names = read_glb(tmp_path / "rig.glb").names
+    assert [name for name in names if "Spine" in name][-3:] == ["Spine", "Spine_2", "Spine_3"]
+    assert "node_7" in names
+
+
+def test_an_animation_is_added_behind_all_that_is_there(tmp_path: Path) -> None:
+    (tmp_path / "rig.glb").write_bytes(armature(skeleton()))
+    file = read_glb(tmp_path / "rig.glb")
+    frames = 4
+    turns = axis_rotation("Y", torch.linspace(0.0, 1.0, frames, dtype=torch.float64))
+    rotations = torch.eye(3, dtype=torch.float64).repeat(frames, len(file.names), 1, 1)
+    rotations[:, 0] = turns
+    way = torch.tensor([[0.0, 1.0, 0.1 * k] for k in range(frames)], dtype=torch.float64)
+    times = 0.5 * torch.arange(frames, dtype=torch.float64)
+    after = Gltf.of(file.with_animation("idle", times, way, rotations))
+    assert [clip["name"] for clip in after.content["animations"]] == ["idle", "idle_2"]
+    clip = after.content["animations"][1]
+    np.testing.assert_allclose(after.values(clip["samplers"][0]["input"])[:, 0], times)
+    accessor = after.content["accessors"][clip["samplers"][0]["input"]]
+    assert (accessor["min"], accessor["max"]) == ([0.0], [1.5])
+    places = file.skeleton().forward(way, rotations)[0]
+    for frame in range(frames):
+        found = after.places("idle_2", 0.5 * frame)
+        for joint, name in enumerate(file.names):
+            np.testing.assert_allclose(found[name], places[frame, joint], atol=1e-5)
+    for wrong in (times[:0], times * float("nan")):
+        with pytest.raises(HopdiffError, match="no frames, or numbers that are not finite"):
+            file.with_animation("a", wrong, way, rotations)
+
+
+def test_data_inside_the_json_stays_inside(tmp_path: Path) -> None:
+    """A file whose first buffer brings its own data has no place for a chunk of ours."""
+    import base64
+
+    before = armature(skeleton())
+    content, binary = content_of(before), Gltf.of(before).data
+    text = base64.b64encode(binary).decode()
+    content["buffers"][0] = {"byteLength": len(binary), "uri": f"data:application/octet-stream;base64,{text}"}
+    (tmp_path / "rig.glb").write_bytes(glb(content))
+    file = read_glb(tmp_path / "rig.glb")
+    straight = torch.eye(3, dtype=torch.float64).repeat(2, len(file.names), 1, 1)
+    after = content_of(
+        file.with_animation("a", torch.tensor([0.0, 1.0]), torch.zeros(2, 3, dtype=torch.float64), straight)
+    )
+    assert after["buffers"][0] == content["buffers"][0]
+    assert len(after["buffers"]) == 2
+    added = base64.b64decode(after["buffers"][1]["uri"].split(",")[1])
+    assert len(added) == after["buffers"][1]["byteLength"]
+    assert np.frombuffer(added[:8], "<f4").tolist() == [0.0, 1.0]
+
+
+def loop(content: dict[str, Any]) -> None:
+    content["nodes"][5]["children"] = [1]
+
+
+BROKEN: dict[str, tuple[Callable[[bytes], bytes], str]] = {
+    "empty": (lambda _: b"", "is not a GLB file"),
+    "text": (lambda _: b'{"asset": {}}', r"looks like a \.gltf text file"),
+    "short": (lambda data: data[:15], "ends within its first 20 bytes"),
+    "cut": (lambda data: data[: len(data) // 2], r"should have \d+ bytes and has \d+"),
+    "version": (lambda data: data[:4] + struct.pack("<I", 1) + data[8:], "glTF of version 1"),
+    "json": (lambda data: data[:20] + b"?" + data[21:], "its JSON chunk cannot be read"),
+    "chunk": (lambda data: data[:12] + struct.pack("<I", 2**31) + data[16:], "longer than the file"),
+    "no skin": (lambda data: changed(data, lambda c: c.pop("skins")), "has no skin"),
+    "no joints": (lambda data: changed(data, lambda c: c["skins"][0].pop("joints")), "a skin without joints"),
+    "gone": (lambda data: changed(data, lambda c: c["skins"][0].update(joints=[99])), "it lacks node 99"),
+    "outside": (lambda data: changed(data, lambda c: c["buffers"][0].update(uri="a.bin")), "keeps data in another"),
+    "less data": (lambda data: changed(data, lambda c: c["buffers"][0].update(byteLength=10**6)), "lacks the data of"),
+    "circle": (lambda data: changed(data, loop), "(two parents|in a circle)"),
+    "apart": (lambda data: changed(data, lambda c: c["nodes"][1].pop("children")), "hang on no node together"),
+    "uneven": (lambda data: changed(data, lambda c: c["nodes"][1].update(scale=[1, 2, 1])), "scaled unevenly"),
+    "mirrored": (lambda data: changed(data, lambda c: c["nodes"][1].update(scale=[-1, 1, 1])), "mirrored"),
+    "zero": (lambda data: changed(data, lambda c: c["nodes"][1].update(scale=[0, 0, 0])), "scaled unevenly"),
+    "nan": (lambda data: changed(data, lambda c: c["nodes"][1].update(translation=[float("nan")] * 3)), "JSON chunk"),
+    "words": (lambda data: changed(data, lambda c: c["nodes"][1].update(rotation=["a"])), "not 4 sensible numbers"),
+    "no turn": (lambda data: changed(data, lambda c: c["nodes"][1].update(rotation=[0, 0, 0, 0])), "no quaternion"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files_get_one_sentence(tmp_path: Path, name: str) -> None:
+    damage, message = BROKEN[name]
+    path = tmp_path / "rig.glb"
+    path.write_bytes(damage(armature(skeleton())))
+    with pytest.raises(HopdiffError, match=message) as found:
+        read_glb(path)
+    assert str(path) in str(found.value)
+    assert "\n" not in str(found.value)
+
+
+def test_missing_files(tmp_path: Path) -> None:
+    with pytest.raises(HopdiffError, match=r"cannot read .*none\.glb: no such file"):
+        read_glb(tmp_path / "none.glb")
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damaged_files_are_read_or_refused(tmp_path: Path, data: st.DataObject) -> None:
+    whole = bytearray(armature(skeleton()))
+    length = struct.unpack_from("<I", whole, 12)[0]
+    for _ in range(data.draw(st.integers(1, 6))):
+        whole[data.draw(st.integers(0, 20 + length - 1))] = data.draw(st.integers(0, 255))
+    path = tmp_path / "rig.glb"
+    path.write_bytes(bytes(whole[: data.draw(st.integers(0, len(whole)))] if data.draw(st.booleans()) else whole))
+    try:
+        file = read_glb(path)
+        file.skeleton()
+        straight = torch.eye(3, dtype=torch.float64).repeat(2, len(file.names), 1, 1)
+        file.with_animation("a", torch.tensor([0.0, 1.0]), torch.zeros(2, 3, dtype=torch.float64), straight)
+    except HopdiffError:
+        pass
