@@ -21,6 +21,7 @@ from experiments.exports.measure import (
     export_all,
     feet_rows,
     in_blender,
+    retarget_rows,
     seam_rows,
     skating_rows,
     timing_rows,
@@ -36,6 +37,7 @@ from hopdiff.types import HopdiffError
 
 HERE = Path(__file__).parent
 PICTURED = 0.4  # of the brisk run's stride, in flight
+BODIES = ("wander_cmu_91_01_digital8_30hz", "walk_straight_snu_30hz")  # more skeletons of a folder of captured clips
 COLOURS = 128  # of pictures, which keeps their files small
 
 
@@ -162,12 +164,30 @@ def feet_part(files: Sequence[Exported], runs: Sequence[Take], clips: Path | Non
         f" the ground is at the lowest place of the toes.{note}",
         "",
         markdown(("motion", "", "s", "ratio", "standing m/s", "standing mm"), skating_rows(runs, captured)),
+        *retarget_part(files, runs, clips),
         "## Loops",
         "",
         "Where the last frame is followed by the first of the next time: how far joints are from where they begin, and"
         " how much the velocity of any joint changes there, against the largest change between frames elsewhere.",
         "",
         markdown(("preset", "run", "gap mm", "seam m/s", "elsewhere m/s", "ratio"), seam_rows(files)),
+    ]
+
+
+def retarget_part(files: Sequence[Exported], runs: Sequence[Take], clips: Path | None) -> list[str]:
+    """Runs on the bodies of captured clips, and of our own file for Unreal Engine."""
+    bodies = [clips / f"{name}.bvh" for name in (*captured_clips(clips), *BODIES)] if clips else []
+    bodies = [body for body in bodies if body.is_file()]
+    bodies.append(next(file.path for file in files if file.preset == "glb_unreal"))
+    with tempfile.TemporaryDirectory(prefix="hopdiff_retarget_") as folder:
+        rows = retarget_rows(runs, bodies, Path(folder))
+    return [
+        "## Other bodies",
+        "",
+        "Runs on the skeletons of other files: ratio of the legs, drift of standing feet (the balls, or the ends of"
+        " shanks without feet), their least and greatest height, and how far joints are off in the written file.",
+        "",
+        markdown(("body", "run", "legs", "drift mm", "lowest mm", "highest mm", "off mm"), rows),
     ]
 
 

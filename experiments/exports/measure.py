@@ -19,6 +19,7 @@ from hopdiff.export.full_body import full_body
 from hopdiff.export.glb import glb_bytes
 from hopdiff.export.player import write_player
 from hopdiff.export.prepare import prepared
+from hopdiff.export.retarget import read_target, retargeted, write_retargeted
 from hopdiff.export.settings import UNITS, ExportSettings
 from hopdiff.export.take import Take
 from hopdiff.export.write import write_exports
@@ -187,6 +188,35 @@ def skating_rows(runs: Sequence[Take], captured: Mapping[str, Take]) -> list[Row
             )
         )
     return sorted(rows, key=lambda row: (row[1] == "captured", row[0]))
+
+
+def retarget_rows(runs: Sequence[Take], bodies: Sequence[Path], folder: Path) -> list[Row]:
+    """Rows by run and body, a BVH or GLB file: what the feet do there, and what comes back from the file."""
+    rows: list[Row] = []
+    for body in bodies:
+        target = read_target(body)
+        for run in runs:
+            take = retargeted(run, target)
+            assert take.feet is not None
+            assert take.contact is not None
+            file = folder / f"body{target.suffix}"
+            write_retargeted(file, take, target)
+            # The last of the motions in the file: it may have had one of the same name.
+            back = read_bvh(file).clip() if target.suffix == ".bvh" else [*read_glb(file).values()][-1]
+            off = (back.joint_positions() - take.clip.joint_positions()).norm(dim=-1).max()
+            found = standing(take.feet, take.contact, take.clip.frame_time)
+            rows.append(
+                (
+                    body.name,
+                    run.name,
+                    f"{take.numbers['leg_ratio']:.3f}",
+                    f"{1000 * found.drift:.4f}",
+                    f"{1000 * found.lowest:.2f}",
+                    f"{1000 * found.highest:.2f}",
+                    f"{1000 * float(off):.4f}",
+                )
+            )
+    return rows
 
 
 def seam_rows(files: Sequence[Exported]) -> list[Row]:

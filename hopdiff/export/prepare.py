@@ -86,6 +86,21 @@ def with_ground_root(take: Take, name: str) -> Take:
     return replace(take, clip=replace(clip, skeleton=whole, root_position=place, rotations=rotations, offsets=moving))
 
 
+def with_way_on_root(take: Take, pelvis: int) -> Take:
+    """The motion of a skeleton whose root joint is at rest on the ground, with the steady way on that root; the joint
+    below it on the way to the pelvis moves against it. Joints are where they were but for the root, and for what else
+    hangs on it."""
+    clip, skeleton = take.clip, take.clip.skeleton
+    child = next(joint for joint in (pelvis, *skeleton.above(pelvis)) if skeleton.parents[joint] == 0)
+    turn, place = _way(take)
+    positions, frames = clip.forward()
+    rotations = clip.rotations.clone()
+    rotations[:, 0], rotations[:, child] = turn.transpose(-1, -2), turn @ frames[:, child]
+    offsets = (skeleton.offsets.expand(take.frames, -1, -1) if clip.offsets is None else clip.offsets).clone()
+    offsets[:, child] = (turn @ (positions[:, child] - place).unsqueeze(-1)).squeeze(-1)
+    return replace(take, clip=replace(clip, root_position=place, rotations=rotations, offsets=offsets))
+
+
 def _way(take: Take) -> tuple[Tensor, Tensor]:
     """(T, 3, 3) turns that undo the heading of a take's steady way, and (T, 3) its places on the ground [m]."""
     path = ground_path(take)

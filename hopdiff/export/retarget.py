@@ -18,6 +18,7 @@ from hopdiff.editing.contacts import spans
 from hopdiff.editing.legs import SIDES
 from hopdiff.export.full_body import JOINTS, full_body, is_model_body
 from hopdiff.export.planting import Sole, foot_points, planted
+from hopdiff.export.prepare import with_way_on_root
 from hopdiff.export.take import Take
 from hopdiff.export.target import TRUNK, Target, body_of, read_target, target_of
 from hopdiff.geometry.clip import Clip
@@ -30,6 +31,7 @@ from hopdiff.types import HopdiffError
 __all__ = ["Target", "read_target", "retargeted", "target_of", "transferred", "write_retargeted"]
 
 FLAT = 1e-3  # m: shorter bones have no direction
+ON_GROUND_ROOT = 0.02  # of a leg's length that a root joint on the ground may be off it
 ON_GROUND = 1e-3  # m off y = 0 that contact points of our own runs may be
 # Bones that point where the source's do: joint -> what hangs on it, without the side.
 _LIMBS = {"hip": "knee", "knee": "ankle", "shoulder": "elbow", "elbow": "wrist"}
@@ -43,7 +45,8 @@ def retargeted(take: Take, target: Target) -> Take:
 
     Every place is scaled by the ratio of the legs' lengths and time stays as it is, so the speed goes with the legs.
     The result has the target's joints, names and bones; joints that are no known part stay as in the rest pose. While a
-    foot of the source stands, that of the target does not slide; what a loop ends with is what it began with.
+    foot of the source stands, that of the target does not slide; what a loop ends with is what it began with. A root
+    joint on the ground carries the steady way in GLB files.
     numbers: those of the source, of its own speed and size, and leg_ratio. Apply this to motions that travel, not to
     motions in place: those slide over the ground.
     Raises HopdiffError if the parts of the take's own skeleton cannot be told.
@@ -59,7 +62,14 @@ def retargeted(take: Take, target: Target) -> Take:
         feet = foot_points(clip, soles)
     clip = replace(clip, skeleton=target.skeleton, rotations=target.own_frames(clip.rotations))
     numbers = {**take.numbers, "leg_ratio": ratio}
-    return replace(take, clip=clip, feet=feet, com=None, leg_force=None, masses=None, numbers=numbers)
+    found = replace(take, clip=clip, feet=feet, com=None, leg_force=None, masses=None, numbers=numbers)
+    return with_way_on_root(found, target.parts["pelvis"]) if _ground_root(target) else found
+
+
+def _ground_root(target: Target) -> bool:
+    """Whether the root joint is there to carry the way, as in Unreal Engine. Joints below it move in GLB files only."""
+    grounded = abs(float(target.places[0, 1])) < ON_GROUND_ROOT * target.standing()
+    return isinstance(target.file, GlbFile) and target.parts["pelvis"] > 0 and grounded
 
 
 def transferred(take: Take, source: Target, target: Target) -> Clip:
@@ -216,6 +226,6 @@ def write_retargeted(path: str | os.PathLike[str], take: Take, target: Target) -
             replace(file, values=values, frame_time=clip.frame_time).with_motion(clip).write(path)
         case GlbFile() as file:
             times = clip.frame_time * torch.arange(clip.frames, dtype=torch.float64)
-            write_whole(path, file.with_animation(take.name, times, clip.root_position, clip.rotations))
+            write_whole(path, file.with_animation(take.name, times, clip.root_position, clip.rotations, clip.offsets))
         case _:
             raise HopdiffError(f"cannot write {path}: {target.name} comes from no file.")

@@ -11,7 +11,7 @@ import json
 import os
 import struct
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from hopdiff.io.glb_parse import BIN, JSON, Chunks, Matrix, parse_glb
 from hopdiff.types import HopdiffError
 
 FLOAT = 5126  # component type of glTF
+STILL = 1e-6  # m by which a joint may move against its parent and still stay
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +71,15 @@ class GlbFile:
         ends = {names[k]: torch.from_numpy(end[:3, 3].copy()) - places[k] for k, end in self.ends.items()}
         return Skeleton(names, self.parents, offsets, ends)
 
-    def with_animation(self, name: str, times: Tensor, root_position: Tensor, rotations: Tensor) -> bytes:
+    def with_animation(
+        self, name: str, times: Tensor, root_position: Tensor, rotations: Tensor, offsets: Tensor | None = None
+    ) -> bytes:
         """The same file with one more animation; all that was in it stays.
 
         name: of the animation; made different from those in the file. times: (T,) from 0 on [s]. root_position: (T, 3)
         of the first joint in the world [m]. rotations: (T, J, 3, 3) of the joints of `skeleton`, each in its parent's
-        frame. Keys are linear. Raises HopdiffError without frames, for numbers that are not finite, or a file of more
+        frame. offsets: (T, J, 3) of joints that move against their parents [m]; those of the root count for nothing.
+        Keys are linear. Raises HopdiffError without frames, for numbers that are not finite, or a file of more
         than 4 GiB.
         """
         if len(times) == 0 or not all(bool(torch.isfinite(x).all()) for x in (times, root_position, rotations)):
@@ -90,7 +94,14 @@ class GlbFile:
         writer = _Writer(self)
         for node in self.nodes:
             writer.plain_node(node)
-        writer.animate(name, times.detach().double().cpu().numpy(), self.nodes, way, turns)
+        moved = {self.nodes[0]: way}
+        if offsets is not None:
+            for joint, own in enumerate(offsets.detach().double().cpu().numpy().swapaxes(0, 1)):
+                if joint > 0 and np.ptp(own, axis=0).max() > STILL:
+                    moved[self.nodes[joint]] = own @ np.linalg.inv(self.matrices[self.parents[joint], :3, :3]).T
+        writer.animate(
+            name, times.detach().double().cpu().numpy(), moved, dict(zip(self.nodes, turns.swapaxes(0, 1), strict=True))
+        )
         return writer.bytes()
 
 
@@ -142,8 +153,8 @@ class _Writer:
         node["rotation"] = quaternions(turn[None])[0].tolist()
         node["scale"] = np.linalg.norm(matrix[:3, :3], axis=0).tolist()
 
-    def animate(self, name: str, times: Matrix, nodes: Sequence[int], way: Matrix, turns: Matrix) -> None:
-        """times: (T,) [s]. way: (T, 3) of the first node. turns: (T, J, 4) of all, x y z w; both in parents' frames."""
+    def animate(self, name: str, times: Matrix, moved: Mapping[int, Matrix], turns: Mapping[int, Matrix]) -> None:
+        """times: (T,) [s]. By node, in its parent's frame: moved, (T, 3) places; turns, (T, 4) x y z w."""
         animations = self.content.setdefault("animations", [])
         taken = {str(animation.get("name")) for animation in animations}
         new, number = name, 1
@@ -151,11 +162,12 @@ class _Writer:
             number += 1
             new = f"{name}_{number}"
         keys = self.add(times[:, None], bounds=True)
-        samplers = [{"input": keys, "output": self.add(way), "interpolation": "LINEAR"}]
-        channels = [{"sampler": 0, "target": {"node": nodes[0], "path": "translation"}}]
-        for k, node in enumerate(nodes):
-            channels.append({"sampler": len(samplers), "target": {"node": node, "path": "rotation"}})
-            samplers.append({"input": keys, "output": self.add(turns[:, k]), "interpolation": "LINEAR"})
+        samplers: list[dict[str, Any]] = []
+        channels: list[dict[str, Any]] = []
+        for path, values in (("translation", moved), ("rotation", turns)):
+            for node, own in values.items():
+                channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+                samplers.append({"input": keys, "output": self.add(own), "interpolation": "LINEAR"})
         animations.append({"name": new, "channels": channels, "samplers": samplers})
 
     def add(self, values: Matrix, bounds: bool = False) -> int:

@@ -10,6 +10,8 @@ from torch import Tensor
 from hopdiff.editing.contacts import spans
 from hopdiff.export.anatomy import SCHEMES, parts_of
 from hopdiff.export.full_body import full_body
+from hopdiff.export.pose import with_rest_pose
+from hopdiff.export.prepare import with_ground_root
 from hopdiff.export.retarget import read_target, retargeted, write_retargeted
 from hopdiff.export.take import Take
 from hopdiff.geometry.clip import Clip
@@ -128,6 +130,35 @@ def test_a_rig_with_frames_of_its_own_gets_the_motion_and_keeps_all_else(
     write_retargeted(tmp_path / "twice.glb", retargeted(own(), again), again)
     clips = Gltf.of((tmp_path / "twice.glb").read_bytes()).content["animations"]
     assert [clip["name"] for clip in clips] == ["idle", "run", "run_2"]
+
+
+def test_a_root_on_the_ground_carries_the_way(tmp_path: Path) -> None:
+    """As Unreal Engine's mannequin has it."""
+    grounded = with_ground_root(with_rest_pose(full_body(own()), "a"), "root").clip.skeleton
+    names = {"root": "root", **SCHEMES["unreal_mannequin"]}
+    body = replace(
+        grounded,
+        names=tuple(names[name] for name in grounded.names),
+        end_sites={names[name]: end for name, end in grounded.end_sites.items()},
+    )
+    (tmp_path / "hero.glb").write_bytes(armature(body))
+    target = read_target(tmp_path / "hero.glb", "unreal_mannequin")
+    take = retargeted(own(), target)
+    write_retargeted(tmp_path / "out.glb", take, target)
+    file, places = Gltf.of((tmp_path / "out.glb").read_bytes()), take.clip.joint_positions().numpy()
+    for frame in (0, 13, take.frames - 1):
+        found = file.places("run", frame * take.clip.frame_time)
+        assert abs(found["root"][1]) < 1e-5
+        for joint, name in enumerate(take.clip.skeleton.names):
+            assert abs(found[name] - places[frame, joint]).max() < 1e-4, name
+    # Evenly ahead, while the pelvis goes up and down.
+    steps = take.clip.root_position.diff(dim=0)
+    assert float(steps[:, 2].max() - steps[:, 2].min()) < 1e-6
+    assert float(take.clip.joint_positions()[:, take.clip.skeleton.index("pelvis"), 1].std()) > 0.005
+    theirs = of_parts(full_body(own()))
+    for part in ("pelvis", "head", "left_wrist", "right_elbow"):
+        there = take.clip.joint_positions()[:, take.clip.skeleton.index(SCHEMES["unreal_mannequin"][part])]
+        torch.testing.assert_close(there, theirs[part], atol=1e-3, rtol=0)
 
 
 @pytest.mark.parametrize("name", CAPTURED)
