@@ -1,8 +1,11 @@
-"""Which joints of a skeleton are which parts of the body, whatever they are called."""
+"""Which joints of a skeleton are which parts of the body, whatever they are called, and how heavy they are."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hopdiff.editing.legs import SIDES, find_legs, plain_name
 from hopdiff.export.full_body import JOINTS
@@ -57,6 +60,19 @@ SCHEMES: Mapping[str, Mapping[str, str]] = {
         },
     },
 }
+# Segment masses in body masses: de Leva (1996), table 4, male; the shank with the foot, the forearm with the hand.
+SHARES = {
+    "pelvis": 0.1117,
+    "waist": 0.3229,
+    "neck": 0.0694,
+    **{
+        f"{side}_{part}": share
+        for side in ("left", "right")
+        for part, share in (("shoulder", 0.0271), ("elbow", 0.0223), ("hip", 0.1416), ("knee", 0.057))
+    },
+}
+BUILD = 22.9  # kg/m^2, body mass over height squared, of bodies whose mass is not known
+LEG = 0.53  # height of the hip in body heights: Drillis and Contini (1966)
 GROUND_ROOT = {"unreal_mannequin": "root"}  # schemes whose root is a joint on the ground, and its name
 
 # What parts that are no legs are called, without the side, letters only.
@@ -152,3 +168,15 @@ def renamed(skeleton: Skeleton, scheme: str) -> Skeleton:
         raise HopdiffError(f"names={scheme}: two joints of this skeleton would be called {twice!r}.")
     ends = {names[skeleton.index(name)]: end for name, end in skeleton.end_sites.items()}
     return Skeleton(tuple(names), skeleton.parents, skeleton.offsets, ends)
+
+
+def ordinary_masses(places: NDArray[np.float64], parts: Mapping[str, int]) -> dict[str, float]:
+    """Masses of the segments of a body of ordinary build by joint [kg]. places: (J, 3) joints of its rest pose [m]."""
+    height = 1.75
+    if {"left_hip", "left_knee"} <= set(parts):
+        hip, lowest = places[parts["left_hip"]], float(places[:, 1].min())
+        bones = np.linalg.norm(hip - places[parts["left_knee"]])
+        if "left_ankle" in parts:
+            bones = bones + np.linalg.norm(places[parts["left_knee"]] - places[parts["left_ankle"]]) * 1.12
+        height = max(float(bones), 0.9 * (float(hip[1]) - lowest), 1e-3) / LEG
+    return {part: share * BUILD * height**2 * (height / 1.75) for part, share in SHARES.items()}

@@ -12,25 +12,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import torch
 
-from hopdiff.export.anatomy import parts_of
+from hopdiff.export.anatomy import ordinary_masses, parts_of
 from hopdiff.export.full_body import HEEL, TOE_TIP
 from hopdiff.export.loft import Floats, Ring, Surface, ellipsoid, joined, loft, through
 from hopdiff.geometry.skeleton import Skeleton
 
 DENSITY = 1000.0  # kg/m^3
-# Segment masses in body masses: de Leva (1996), table 4, male; the shank with the foot, the forearm with the hand.
-SHARES = {
-    "pelvis": 0.1117,
-    "waist": 0.3229,
-    "neck": 0.0694,
-    **{
-        f"{side}_{part}": share
-        for side in ("left", "right")
-        for part, share in (("shoulder", 0.0271), ("elbow", 0.0223), ("hip", 0.1416), ("knee", 0.057))
-    },
-}
-BUILD = 22.9  # kg/m^2, body mass over height squared, of bodies whose mass is not known
-LEG = 0.53  # height of the hip in body heights: Drillis and Contini (1966)
 # Thickness along a limb, first as a share of its length, then against its mean.
 UPPER = np.array([(0.0, 1.15), (0.3, 1.12), (0.6, 0.97), (0.85, 0.84), (1.0, 0.8)])
 LOWER = np.array([(0.0, 0.98), (0.25, 1.22), (0.5, 1.05), (0.8, 0.72), (1.0, 0.62)])
@@ -57,7 +44,7 @@ class _Body:
         straight = torch.eye(3, dtype=torch.float64).expand(1, len(skeleton.names), 3, 3)
         self.places: Floats = skeleton.forward(torch.zeros(1, 3).double(), straight)[0][0].numpy()
         self.parts = parts_of(skeleton)
-        self.masses = dict(masses) if masses else _ordinary(skeleton, self.places, self.parts)
+        self.masses = dict(masses) if masses else ordinary_masses(self.places, self.parts)
         self.found: dict[str, list[Surface]] = {"left": [], "right": [], "middle": []}
         self.covered: set[int] = set()  # joints whose bone up to their parent lies in a surface
         self.taken: set[int] = set()  # joints whose end lies in one
@@ -228,30 +215,31 @@ class _Body:
             return
         joint = self.parts.get("head", base)
         crown = self.end(joint)
-        size = self.masses["neck"]
-        volume = SKULL * size / DENSITY
-        neck = self.places[joint] - self.places[base]
+        volume = SKULL * self.masses["neck"] / DENSITY
+        ball = (volume * 3.0 / (4.0 * math.pi)) ** (1.0 / 3.0)  # radius of a round head
         if crown is None:
-            way = neck if joint != base else np.array([0.0, 1.0, 0.0])
-            crown = self.places[joint] + 2.2 * (volume * 3.0 / (4.0 * math.pi)) ** (1.0 / 3.0) * way / np.linalg.norm(
-                way
-            )
+            way = self.places[joint] - self.places[base] if joint != base else np.array([0.0, 1.0, 0.0])
+            crown = self.places[joint] + 2.2 * ball * way / np.linalg.norm(way)
         up = crown - self.places[base]
-        if (length := float(np.linalg.norm(up))) < 1e-3:
+        if float(np.linalg.norm(up)) < 1e-3:
             return
-        up = up / length
-        tall = min(0.43 * length, 1.25 * (volume * 3.0 / (4.0 * math.pi)) ** (1.0 / 3.0))
+        # Some skeletons end where the skull begins.
+        length = max(float(np.linalg.norm(up)), 2.6 * ball)
+        up = up / np.linalg.norm(up)
+        crown = self.places[base] + length * up
+        tall = min(0.43 * length, 1.25 * ball)
         thick = math.sqrt(volume / (4.0 / 3.0 * math.pi * tall))
         frame = Ring.around(crown, up, thick, {})
         middle = crown - tall * up + 0.08 * thick * frame.deep / thick
         self.found["middle"].append(ellipsoid(middle, (tall * up, 0.9 * frame.across, 1.1 * frame.deep), joint))
-        start, stop = self.places[base] - 0.1 * length * up, crown - 1.2 * tall * up
-        radius = 0.55 * thick
+        # Without a joint of its own the neck comes from between the shoulders.
+        deep = 0.1 if "neck" in self.parts else 0.35
+        start, stop = self.places[base] - deep * length * up, crown - 1.2 * tall * up
         rings = [
             Ring.around(
                 start + share * (stop - start),
                 up,
-                radius * (1.15 - 0.15 * share),
+                0.55 * thick * (1.15 - 0.15 * share),
                 {base: 1.0 - share, joint: share} if joint != base else {base: 1.0},
             )
             for share in (0.0, 0.5, 1.0)
@@ -284,18 +272,6 @@ class _Body:
                 ]
                 side = "middle" if abs(place[0]) < 1e-3 else "left" if place[0] > 0 else "right"
                 self.found[side].append(loft(rings, 0.05 * length, 0.05 * length))
-
-
-def _ordinary(skeleton: Skeleton, places: Floats, parts: Mapping[str, int]) -> dict[str, float]:
-    """Segment masses of a body of ordinary build with these bones [kg]."""
-    height = 1.75
-    if {"left_hip", "left_knee"} <= set(parts):
-        hip, lowest = places[parts["left_hip"]], float(places[:, 1].min())
-        bones = np.linalg.norm(hip - places[parts["left_knee"]])
-        if "left_ankle" in parts:
-            bones = bones + np.linalg.norm(places[parts["left_knee"]] - places[parts["left_ankle"]]) * 1.12
-        height = max(float(bones), 0.9 * (float(hip[1]) - lowest), 1e-3) / LEG
-    return {part: share * BUILD * height**2 * (height / 1.75) for part, share in SHARES.items()}
 
 
 def _radius(mass: float, start: Floats, stop: Floats, profile: Floats) -> float:

@@ -13,6 +13,8 @@ const state = {
   // Runs of different speeds would leave each other behind.
   spot: several && walkers.every((walker) => walker.told.loop),
 };
+const LANE = 1.3; // m between bodies next to each other
+const WIDEST = 4; // m between those whose ways go aside
 let stage = null;
 let names = [];
 
@@ -26,17 +28,18 @@ function trouble(text) {
 function lanes() {
   const heading = walkers[0].told.heading[0];
   const widths = walkers.map((walker) => {
-    if (state.spot) return 1.3;
+    if (state.spot) return LANE;
     const start = walker.told.way[0];
     const across = walker.told.way.map(([x, z]) => turned(-heading, x - start[0], z - start[1])[0]);
-    return 1.3 + Math.max(...across) - Math.min(...across);
+    return Math.min(LANE + Math.max(...across) - Math.min(...across), WIDEST);
   });
   const total = widths.reduce((a, b) => a + b, 0);
-  let from = 0.5 * total;
+  // The first on the left of who sees them come: on their own right.
+  let from = -0.5 * total;
   return walkers.map((walker, k) => {
     if (state.overlaid) return [0, 0];
-    from -= widths[k];
-    return turned(heading, from + 0.5 * widths[k], 0);
+    from += widths[k];
+    return turned(heading, from - 0.5 * widths[k], 0);
   });
 }
 
@@ -92,7 +95,8 @@ const VIEWS = { side: [Math.PI / 2, 0.08], front: [0, 0.1], three: [0.75, 0.22],
 function reset(view) {
   const heading = state.spot ? 0 : walkers[0].told.heading[0];
   const apart = walkers.length > 1 && !state.overlaid;
-  const wide = apart ? 1.3 * walkers.length + 0.6 : 1.6;
+  const ends = lanes();
+  const wide = 1.6 + Math.hypot(ends[0][0] - ends[ends.length - 1][0], ends[0][1] - ends[ends.length - 1][1]);
   const tall = Math.max(...walkers.map((walker) => walker.told.height));
   stage.orbit.distance = stage.distanceFor(view === "side" ? Math.max(1.6, 0.6 * wide) : wide, tall);
   // A row is seen more from ahead, so that its bodies do not hide each other.

@@ -58,7 +58,9 @@ class Walker {
       // Its time is set, never run: the page has one clock for all.
       this.action.paused = true;
       this.skeleton = new THREE.SkeletonHelper(this.scene);
-      this.skeleton.material = new THREE.LineBasicMaterial({ depthTest: false });
+      // Last, over all bodies.
+      this.skeleton.material = new THREE.LineBasicMaterial({ depthTest: false, transparent: true });
+      this.skeleton.renderOrder = 1;
       this.skeleton.visible = false;
       this.body.add(this.scene);
     });
