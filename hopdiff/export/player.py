@@ -12,11 +12,11 @@ import json
 import re
 import zipfile
 from collections.abc import Sequence
+from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
 import torch
-import trimesh
 from torch import Tensor
 
 from hopdiff.editing.contacts import spans
@@ -32,7 +32,7 @@ from hopdiff.types import HopdiffError
 
 PAGE = Path(__file__).with_name("page")
 SCRIPTS = ("camera.js", "walker.js", "stage.js", "controls.js")  # in the order in which they run
-LIBRARY = Path(trimesh.__file__).parent / "resources" / "templates" / "viewer.zip"
+LIBRARY = "trimesh/resources/templates/viewer.zip"
 LIBRARY_BEGINS, LIBRARY_ENDS = "<script>", "var camera,controls,scene,renderer,tracklight;"
 POINTS = 600  # of the way that is drawn on the ground, at most
 SOLE = 0.13  # m: half the length of a sole of which only a point is known
@@ -96,16 +96,17 @@ def _part(name: str) -> str:
 def _library() -> str:
     """three.js with its loader of glTF, as trimesh ships it, licence line first."""
     try:
-        with zipfile.ZipFile(LIBRARY) as archive:
+        # The package itself, which takes long to import, is not needed.
+        with zipfile.ZipFile(str(distribution("trimesh").locate_file(LIBRARY))) as archive:
             text = archive.read("viewer.html.template").decode("utf-8")
         begin = text.index(LIBRARY_BEGINS) + len(LIBRARY_BEGINS)
         library = text[begin : text.index(LIBRARY_ENDS)]
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+    except (ImportError, OSError, KeyError, ValueError, zipfile.BadZipFile):
         library = ""
     if "THREE.GLTFLoader=" not in library or "</script" in library:
         raise HopdiffError(
-            f"HTML pages are drawn with the three.js that trimesh ships, and trimesh {trimesh.__version__} has none"
-            " that is known: install the version in constraints.txt."
+            "HTML pages are drawn with the three.js that trimesh ships, and the trimesh that is installed has none that"
+            " is known: install the version in constraints.txt."
         )
     return library
 

@@ -12,7 +12,6 @@ import os
 import struct
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,31 +21,17 @@ from torch import Tensor
 
 from hopdiff.geometry.quaternion import quaternions
 from hopdiff.geometry.skeleton import Skeleton
-from hopdiff.io.glb_parse import BIN, JSON, Chunks, Matrix, parse_glb
+from hopdiff.io.glb_parse import BIN, JSON, Matrix, ParsedGlb, parse_glb
 from hopdiff.types import HopdiffError
 
 FLOAT = 5126  # component type of glTF
 STILL = 1e-6  # m by which a joint may move against its parent and still stay
 
 
-@dataclass(frozen=True, eq=False)
-class GlbFile:
-    """A GLB file; immutable. Of several skins the one with the most joints counts, of these the first.
+class GlbFile(ParsedGlb):
+    """What was read of a GLB file, and what can be made of it."""
 
-    path: where it was read. content: its JSON. chunks: (kind, bytes) that follow it, in their order.
-    nodes: J of them, parents first: the skin's joints, and what lies between them. parents: (J) indices among these.
-    above: (4, 4) what takes the parent of the first node into the world. matrices: (J, 4, 4) nodes into the world at
-    rest. ends: nodes (4, 4) at the end of a joint, by joint.
-    """
-
-    path: str
-    content: dict[str, Any]
-    chunks: Chunks
-    nodes: tuple[int, ...]
-    parents: tuple[int, ...]
-    above: Matrix
-    matrices: Matrix
-    ends: dict[int, Matrix]
+    __slots__ = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -115,7 +100,7 @@ def read_glb(path: str | os.PathLike[str]) -> GlbFile:
         data = Path(path).read_bytes()
     except OSError as error:
         raise HopdiffError(f"cannot read {path}: {(error.strerror or str(error)).lower()}.") from error
-    return GlbFile(str(path), *parse_glb(data, str(path)))
+    return GlbFile(*parse_glb(data, str(path)))
 
 
 def _rotation(matrix: Matrix) -> Matrix:

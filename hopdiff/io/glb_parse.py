@@ -21,8 +21,15 @@ JSON, BIN = 0x4E4F534A, 0x004E4942  # kinds of chunks
 
 
 class ParsedGlb(NamedTuple):
-    """See `GlbFile`, which has the same fields."""
+    """A GLB file. Of several skins the one with the most joints counts, of these the first.
 
+    path: where it was read. content: its JSON. chunks: (kind, bytes) that follow it, in their order.
+    nodes: J of them, parents first: the skin's joints, and what lies between them. parents: (J) indices among these.
+    above: (4, 4) what takes the parent of the first node into the world. matrices: (J, 4, 4) nodes into the world at
+    rest. ends: nodes (4, 4) at the end of a joint, by joint.
+    """
+
+    path: str
     content: dict[str, Any]
     chunks: Chunks
     nodes: tuple[int, ...]
@@ -100,7 +107,7 @@ class _Reader:
             free = [child for child in self.children(node) if "mesh" not in self.nodes[child]]
             if k not in parents and free:
                 ends[k] = matrices[k] @ self.matrix(free[0])
-        return ParsedGlb(self.content, chunks, order, parents, above, matrices, ends)
+        return ParsedGlb(self.path, self.content, chunks, order, parents, above, matrices, ends)
 
     def fail(self, what: str) -> HopdiffError:
         return HopdiffError(f"{self.path}: {what}.")
