@@ -45,6 +45,8 @@ SHOWN = (
     ("speed", "Speed", "m/s", 1.0, 2),
     ("beta", "Briskness β", "", 1.0, 2),
     ("character", "Character", "", 1.0, 0),
+    ("body", "Body", "", 1.0, 0),
+    ("leg_ratio", "Legs, of the source's", "", 1.0, 3),
     ("search", "Search", "", 1.0, 0),
     ("model", "Model", "", 1.0, 0),
     ("seed", "Seed", "", 1.0, 0),

@@ -31,6 +31,12 @@ from hopdiff.types import HopdiffError
 __all__ = ["Target", "read_target", "retargeted", "target_of", "transferred", "write_retargeted"]
 
 FLAT = 1e-3  # m: shorter bones have no direction
+# Numbers of a run that hold on another body: as they are, and in the ratio of the legs.
+TIMES = (
+    *("beta", "contact_time", "flight_time", "flight_share", "step_frequency", "stride_time", "duty_factor"),
+    *("search", "model", "seed", "frames", "frame_time"),
+)
+LENGTHS = ("speed", "step_length", "step_width", "com_oscillation", "com_side_range")
 ON_GROUND_ROOT = 0.02  # of a leg's length that a root joint on the ground may be off it
 ON_GROUND = 1e-3  # m off y = 0 that contact points of our own runs may be
 # Bones that point where the source's do: joint -> what hangs on it, without the side.
@@ -47,8 +53,8 @@ def retargeted(take: Take, target: Target) -> Take:
     The result has the target's joints, names and bones; joints that are no known part stay as in the rest pose. While a
     foot of the source stands, that of the target does not slide; what a loop ends with is what it began with. A root
     joint on the ground carries the steady way in GLB files.
-    numbers: those of the source, of its own speed and size, and leg_ratio. Apply this to motions that travel, not to
-    motions in place: those slide over the ground.
+    numbers: what holds for this body, too, lengths and speed scaled; body and leg_ratio. Apply this to motions that
+    travel: those in place slide over the ground.
     Raises HopdiffError if the parts of the take's own skeleton cannot be told.
     """
     if is_model_body(take.clip.skeleton) and take.contact is not None:
@@ -61,7 +67,9 @@ def retargeted(take: Take, target: Target) -> Take:
         clip = planted(clip, soles, contact, take.loop)
         feet = foot_points(clip, soles)
     clip = replace(clip, skeleton=target.skeleton, rotations=target.own_frames(clip.rotations))
-    numbers = {**take.numbers, "leg_ratio": ratio}
+    numbers = {name: value for name, value in take.numbers.items() if name in TIMES}
+    numbers |= {name: ratio * take.numbers[name] for name in LENGTHS if isinstance(take.numbers.get(name), float)}
+    numbers |= {"body": Path(target.name).name, "leg_ratio": ratio}
     found = replace(take, clip=clip, feet=feet, com=None, leg_force=None, masses=None, numbers=numbers)
     return with_way_on_root(found, target.parts["pelvis"]) if _ground_root(target) else found
 

@@ -63,6 +63,8 @@ def test_steps_go_with_the_legs_and_feet_stand(tmp_path: Path, factor: float) ->
     way, before = (one.clip.root_position[-1, 2] - one.clip.root_position[0, 2] for one in (take, source))
     assert float(way / before) == pytest.approx(factor, rel=0.01)
     assert take.clip.duration == pytest.approx(source.clip.duration)
+    assert take.numbers["speed"] == pytest.approx(factor * 3.0, rel=0.01)
+    assert (take.numbers["beta"], take.numbers["body"]) == (0.2, "body.bvh")
     assert drift(take) < 1e-3
     assert take.feet is not None
     assert take.contact is not None
