@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from PIL import Image
 
 from hopdiff.export.take import Take
@@ -64,8 +65,13 @@ def find_chromium() -> str:
 
 
 @contextmanager
-def opened(file: Path, size: tuple[int, int] = SIZE, dark: bool = False) -> Iterator[tuple[Any, list[str], list[str]]]:
-    """A page that is ready, its console errors and the requests that left it; both lists grow. Yields all three."""
+def opened(
+    file: Path, size: tuple[int, int] = SIZE, dark: bool = False, still: bool = False
+) -> Iterator[tuple[Any, list[str], list[str]]]:
+    """A page that is ready, its console errors and the requests that left it; both lists grow. Yields all three.
+
+    still: whether the browser asks for less motion, so that the page does not begin to play.
+    """
     from playwright.sync_api import sync_playwright
 
     errors: list[str] = []
@@ -73,7 +79,11 @@ def opened(file: Path, size: tuple[int, int] = SIZE, dark: bool = False) -> Iter
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=find_chromium(), args=list(FLAGS))
         wide, high = size
-        page = browser.new_page(viewport={"width": wide, "height": high}, color_scheme="dark" if dark else "light")
+        page = browser.new_page(
+            viewport={"width": wide, "height": high},
+            color_scheme="dark" if dark else "light",
+            reduced_motion="reduce" if still else "no-preference",
+        )
         page.set_default_timeout(PATIENCE)
         page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: errors.append(str(error)))
@@ -127,6 +137,13 @@ def played(file: Path, takes: Sequence[Take], frames: Sequence[int], picture: Pa
             page.screenshot(path=str(picture))
         version = page.context.browser.version
     return Played(len(np.unique(pixels, axis=0)), moved, tuple(shown), worst, tuple(errors), tuple(requests), version)
+
+
+def in_colour(page: Any) -> NDArray[np.bool_]:
+    """Which pixels of the picture are strongly coloured: left and right sides of bodies, their footprints and ways."""
+    shot = page.locator("#canvas").screenshot()
+    pixels = np.asarray(Image.open(BytesIO(shot)).convert("RGB")).astype(int)
+    return np.ptp(pixels, axis=-1) > 90
 
 
 def _positions(page: Any, takes: Sequence[Take]) -> list[torch.Tensor]:

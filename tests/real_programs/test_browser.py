@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -85,3 +86,72 @@ def test_motion_waits_for_those_who_asked_for_less(tmp_path: Path, takes: list[T
         page.reload()
         page.wait_for_function("window.hopdiff && window.hopdiff.ready")
         assert not page.evaluate("hopdiff.playing")
+
+
+def test_space_plays_from_the_slider(tmp_path: Path, takes: list[Take]) -> None:
+    from experiments.exports.in_browser import opened
+
+    write_player(tmp_path / "motion.html", takes[:1])
+    with opened(tmp_path / "motion.html") as (page, _, _):
+        page.evaluate("hopdiff.pause()")
+        page.focus("#frame")
+        page.keyboard.press("Space")
+        assert page.evaluate("hopdiff.playing")
+
+
+def test_views_find_a_body_that_ran_off(tmp_path: Path, takes: list[Take]) -> None:
+    from experiments.exports.in_browser import in_colour, opened
+
+    long = replace(takes[0].repeated(12), loop=False)
+    write_player(tmp_path / "motion.html", [long])
+    with opened(tmp_path / "motion.html") as (page, _, _):
+        page.evaluate("hopdiff.pause(); hopdiff.setFrame(0)")
+        page.click("#follow")
+        page.keyboard.press("End")
+        page.wait_for_timeout(300)
+        assert in_colour(page).mean() < 0.01
+        for button in ("Side", "Front", "Three-quarter", "Top", "Reset"):
+            page.get_by_role("button", name=button, exact=True).click()
+            page.wait_for_timeout(300)
+            assert in_colour(page).mean() > 0.01, button
+
+
+def test_bodies_that_part_stay_in_view(tmp_path: Path, takes: list[Take]) -> None:
+    from experiments.exports.in_browser import opened
+
+    # Not loops, which would stay on the spot: at the end they are many metres apart.
+    long = [replace(take.repeated(12), loop=False) for take in takes[:2]]
+    assert abs(float(long[0].clip.root_position[-1, 2] - long[1].clip.root_position[-1, 2])) > 5.0
+    write_player(tmp_path / "motion.html", long)
+    with opened(tmp_path / "motion.html") as (page, _, _):
+        page.evaluate("hopdiff.pause(); hopdiff.setFrame(0)")
+        page.get_by_role("button", name="Side", exact=True).click()
+        page.keyboard.press("End")
+        page.wait_for_timeout(300)
+        view = page.locator("#canvas").bounding_box()
+        names = page.locator("#names span")
+        assert names.count() == 2
+        for name in names.all():
+            box = name.bounding_box()
+            assert box is not None
+            assert view["x"] < box["x"] + box["width"] / 2 < view["x"] + view["width"]
+            assert view["y"] < box["y"] < view["y"] + view["height"]
+
+
+def test_a_body_that_has_run_for_hours_looks_the_same(tmp_path: Path, takes: list[Take]) -> None:
+    from experiments.exports.in_browser import in_colour, opened
+
+    write_player(tmp_path / "motion.html", takes[:1])
+    text = (tmp_path / "motion.html").read_text(encoding="utf-8")
+    begins, clip = "time: 0, playing: false", takes[0].clip
+    assert text.count(begins) == 1
+    seen = []
+    for lap in (1, 60_000):
+        time = lap * clip.duration + 10 * clip.frame_time
+        (tmp_path / "late.html").write_text(text.replace(begins, f"time: {time!r}, playing: false"), encoding="utf-8")
+        with opened(tmp_path / "late.html", still=True) as (page, _, _):
+            assert page.evaluate("hopdiff.frame") == 10
+            seen.append(in_colour(page))
+    # Only what little of the ground's grid crosses feet may differ.
+    assert seen[0].mean() > 0.03
+    assert float((seen[0] != seen[1]).sum()) < 0.005 * float(seen[0].sum())

@@ -9,6 +9,7 @@ class Orbit {
     this.yaw = 0.8; // rad from +z towards +x, of where the view is from
     this.pitch = 0.2; // rad above the ground
     this.distance = 4;
+    this.back = 0; // m farther off than that, so that bodies which part stay in view
     this.point = new THREE.Vector3(0, 0.9, 0);
     this.shift = new THREE.Vector3(); // by which the user has moved the view
     this.camera = new THREE.PerspectiveCamera(35, 1, 0.05, 300);
@@ -53,10 +54,14 @@ class Orbit {
   }
 
   move(x, y, height) {
-    const metres = 2 * this.distance * Math.tan(0.5 * THREE.MathUtils.degToRad(this.camera.fov)) / height;
+    const metres = 2 * this.away * Math.tan(0.5 * THREE.MathUtils.degToRad(this.camera.fov)) / height;
     const axes = [0, 1].map((column) => new THREE.Vector3().setFromMatrixColumn(this.camera.matrix, column));
     this.shift.addScaledVector(axes[0], -x * metres).addScaledVector(axes[1], y * metres);
     this.changed();
+  }
+
+  get away() {
+    return Math.min(FARTHEST, this.distance + this.back);
   }
 
   zoom(factor) {
@@ -75,7 +80,7 @@ class Orbit {
     const flat = Math.cos(this.pitch);
     const towards = new THREE.Vector3(flat * Math.sin(this.yaw), Math.sin(this.pitch), flat * Math.cos(this.yaw));
     const target = this.point.clone().add(this.shift);
-    this.camera.position.copy(target).addScaledVector(towards, this.distance);
+    this.camera.position.copy(target).addScaledVector(towards, this.away);
     // Never from below the ground.
     this.camera.position.y = Math.max(this.camera.position.y, 0.04);
     this.camera.lookAt(target);

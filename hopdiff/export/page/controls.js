@@ -5,14 +5,15 @@ const element = (id) => document.getElementById(id);
 const several = data.takes.length > 1;
 const walkers = data.takes.map((told, k) => new Walker(told, k));
 const longest = walkers.reduce((a, b) => (b.duration > a.duration ? b : a));
-// Loops never end; what is no loop begins again when the last of them is over.
-const ends = walkers.filter((walker) => !walker.told.loop).map((walker) => walker.duration);
-const span = ends.length ? Math.max(...ends) : Infinity;
+// Loops never end; what is no loop stands at its end until the longest motion is over, and all begin again.
+const span = walkers.every((walker) => walker.told.loop) ? Infinity : longest.duration;
 const state = {
   time: 0, playing: false, follow: true, bones: false, overlaid: several && data.together === "overlaid",
   // Runs of different speeds would leave each other behind.
-  spot: several && walkers.every((walker) => walker.told.loop),
+  spot: several && walkers.some((walker) => walker.told.loop),
+  chosen: 4, // m from which the view was last set to show all
 };
+const ROOM = 1.6; // m across that a body takes
 const LANE = 1.3; // m between bodies next to each other
 const WIDEST = 4; // m between those whose ways go aside
 let stage = null;
@@ -26,7 +27,7 @@ function trouble(text) {
 
 // Bodies next to each other start in a row across the way of the first, far enough apart for their ways.
 function lanes() {
-  const heading = walkers[0].told.heading[0];
+  const heading = state.spot ? 0 : walkers[0].told.heading[0];
   const widths = walkers.map((walker) => {
     if (state.spot) return LANE;
     const start = walker.told.way[0];
@@ -50,17 +51,25 @@ function pose() {
     walker.overlaid = state.overlaid;
     walker.pose(state.time, state.spot, places[k], several && !state.overlaid);
   });
-  const seen = walkers.filter((walker) => walker.visible);
-  if (state.follow && seen.length) {
-    const middle = seen.reduce((sum, walker) => sum.add(walker.centre), new THREE.Vector3()).divideScalar(seen.length);
-    stage.orbit.point.set(middle.x, 0.52 * Math.max(...seen.map((walker) => walker.told.height)), middle.z);
-  }
   const frame = frameNow();
   element("frame").value = frame;
   element("frame").setAttribute("aria-valuetext", `frame ${frame}`);
   const own = longest.frame * longest.told.frameTime;
   element("now").textContent = `frame ${frame} / ${longest.told.frames - 1}   ${own.toFixed(2)} s`;
   stage.dirty = true;
+}
+
+// The view to the middle of all bodies that are shown, far enough off for those that left each other behind.
+function aim() {
+  const seen = walkers.filter((walker) => walker.visible);
+  if (!seen.length) return;
+  const middle = seen.reduce((sum, walker) => sum.add(walker.centre), new THREE.Vector3()).divideScalar(seen.length);
+  stage.orbit.point.set(middle.x, 0.52 * Math.max(...seen.map((walker) => walker.told.height)), middle.z);
+  const needed = seen.map((walker) => {
+    const [aside, nearer] = turned(-stage.orbit.yaw, walker.centre.x - middle.x, walker.centre.z - middle.z);
+    return stage.distanceFor(ROOM + 2 * Math.abs(aside), 0) + Math.max(0, nearer);
+  });
+  stage.orbit.back = Math.max(0, Math.max(...needed) - state.chosen);
 }
 
 function frameNow() {
@@ -77,7 +86,6 @@ function setFrame(frame) {
 function setPlaying(playing) {
   state.playing = playing;
   element("play").textContent = playing ? "Pause" : "Play";
-  element("play").setAttribute("aria-pressed", String(playing));
 }
 
 function toggle(name, value) {
@@ -85,23 +93,25 @@ function toggle(name, value) {
   const button = element({ overlaid: "overlay" }[name] || name);
   button.setAttribute("aria-pressed", String(value));
   if (name === "overlaid") walkers.forEach((walker) => walker.paint(value));
-  if (name === "overlaid" || name === "spot") reset();
   pose();
+  if (name === "overlaid" || name === "spot") reset();
 }
 
-// Yaws are from the heading of the first body: its left is at +90 degrees.
+// Yaws are from where the first body heads, of a row from where it began to: its left is at +90 degrees.
 const VIEWS = { side: [Math.PI / 2, 0.08], front: [0, 0.1], three: [0.75, 0.22], top: [Math.PI, 1.5], row: [0.4, 0.2] };
 
 function reset(view) {
-  const heading = state.spot ? 0 : walkers[0].told.heading[0];
-  const apart = walkers.length > 1 && !state.overlaid;
+  const apart = several && !state.overlaid;
+  const heading = apart && !state.spot ? walkers[0].told.heading[0] : walkers[0].heading;
   const ends = lanes();
-  const wide = 1.6 + Math.hypot(ends[0][0] - ends[ends.length - 1][0], ends[0][1] - ends[ends.length - 1][1]);
+  const wide = ROOM + Math.hypot(ends[0][0] - ends[ends.length - 1][0], ends[0][1] - ends[ends.length - 1][1]);
   const tall = Math.max(...walkers.map((walker) => walker.told.height));
-  stage.orbit.distance = stage.distanceFor(view === "side" ? Math.max(1.6, 0.6 * wide) : wide, tall);
+  state.chosen = stage.distanceFor(view === "side" ? Math.max(ROOM, 0.6 * wide) : wide, tall);
+  stage.orbit.distance = state.chosen;
   // A row is seen more from ahead, so that its bodies do not hide each other.
   const [yaw, pitch] = VIEWS[view || (apart ? "row" : "three")];
   stage.orbit.from(heading + yaw, pitch);
+  aim();
 }
 
 function cell(row, text, kind, tag = "td") {
@@ -112,18 +122,18 @@ function cell(row, text, kind, tag = "td") {
   return made;
 }
 
-// Rows of all motions by what they tell, a column for each.
+// Rows of all motions by what they tell, a column for each, in the order of the motion of which most is known.
 function fill(body, key) {
   const rows = new Map();
-  data.takes.forEach((told, k) => {
+  for (const told of [...data.takes].sort((a, b) => b[key].length - a[key].length)) {
     for (const [what, value, unit] of told[key]) {
       if (!rows.has(what)) rows.set(what, { unit, values: data.takes.map(() => "–") });
-      rows.get(what).values[k] = value;
+      rows.get(what).values[data.takes.indexOf(told)] = value;
     }
-  });
+  }
   for (const [what, { unit, values }] of rows) {
     const row = body.insertRow();
-    if (new Set(values).size > 1) row.className = "differs";
+    if (new Set(values.filter((value) => value !== "–")).size > 1) row.className = "differs";
     cell(row, what);
     for (const value of values) cell(row, value);
     cell(row, unit, "unit");
@@ -171,7 +181,7 @@ function listen() {
     element(id).addEventListener("click", () => toggle(name, !state[name]));
   }
   for (const button of document.querySelectorAll("[data-view]")) {
-    button.addEventListener("click", () => { reset(button.dataset.view); pose(); });
+    button.addEventListener("click", () => reset(button.dataset.view));
   }
   const keys = {
     " ": () => setPlaying(!state.playing),
@@ -185,7 +195,8 @@ function listen() {
     o: () => { if (several) toggle("overlaid", !state.overlaid); },
   };
   document.addEventListener("keydown", (event) => {
-    const own = event.target.matches("select, input") || (event.key === " " && event.target.matches("button, summary"));
+    // Space is of no use to the slider.
+    const own = event.target.matches(event.key === " " ? "select, button, summary" : "select, input");
     if (own || event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
     event.preventDefault();
     keys[event.key]();
@@ -200,7 +211,10 @@ function run(last) {
       if (state.time > span) state.time %= span || 1;
       pose();
     }
-    if (stage.dirty) stage.draw(names);
+    if (stage.dirty) {
+      if (state.follow) aim();
+      stage.draw(names);
+    }
     run(now);
   });
 }
@@ -218,6 +232,7 @@ const page = {
 window.hopdiff = page;
 
 table();
+element("overlay").hidden = !several;
 Promise.all(walkers.map((walker) => walker.load())).then(() => {
   try {
     stage = new Stage(element("canvas"), walkers);
@@ -230,7 +245,6 @@ Promise.all(walkers.map((walker) => walker.load())).then(() => {
     name.textContent = walker.told.name;
     return name;
   }) : [];
-  element("overlay").hidden = !several;
   listen();
   for (const name of ["follow", "spot", "bones", "overlaid"]) toggle(name, state[name]);
   reset();

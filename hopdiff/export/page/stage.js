@@ -27,9 +27,12 @@ class Stage {
     this.floor = new THREE.Mesh(new THREE.PlaneGeometry(400, 400).rotateX(-Math.PI / 2), ground);
     this.floor.receiveShadow = true;
     this.scene.add(this.floor);
-    for (const walker of walkers) this.scene.add(walker.group, walker.skeleton);
+    this.world = new THREE.Group();
+    this.world.add(...walkers.map((walker) => walker.group));
+    this.scene.add(this.world, ...walkers.map((walker) => walker.skeleton));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.colours());
-    new ResizeObserver(() => this.fit()).observe(canvas.parentElement);
+    const watch = new ResizeObserver(() => this.fit());
+    for (const part of [canvas.parentElement, document.getElementById("views")]) watch.observe(part);
     this.colours();
     this.fit();
   }
@@ -43,6 +46,7 @@ class Stage {
     this.floor.material.color = named("--floor");
     if (this.grid) this.scene.remove(this.grid);
     this.grid = grid(named("--grid"));
+    this.grid.position.y = 0.002;
     for (const walker of this.walkers) walker.skeleton.material.color = named("--ink");
     this.scene.add(this.grid);
     this.dirty = true;
@@ -53,34 +57,45 @@ class Stage {
     if (!width || !height) return;
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
     this.renderer.setSize(width, height, false);
-    this.orbit.camera.aspect = width / height;
-    this.orbit.camera.updateProjectionMatrix();
+    // Buttons lie on the picture: bodies are shown in what they leave free.
+    const views = document.getElementById("views");
+    const above = Math.min(views.offsetTop + views.offsetHeight, 0.5 * height);
+    this.free = 1 - above / height;
+    this.orbit.camera.setViewOffset(width, height, 0, -0.5 * above, width, height);
     this.dirty = true;
   }
 
   // As far off as shows a row of bodies this wide and this tall [m].
   distanceFor(wide, tall) {
     const half = Math.tan(0.5 * THREE.MathUtils.degToRad(this.orbit.camera.fov));
-    return Math.max(0.62 * tall / half, 0.5 * wide / (half * this.orbit.camera.aspect)) + 0.5;
+    return Math.max(0.58 * tall / (half * this.free), 0.5 * wide / (half * this.orbit.camera.aspect)) + 0.5;
   }
 
   draw(names) {
     const target = this.orbit.place();
-    // The ground has no end: its grid comes along by whole cells.
-    this.grid.position.set(Math.round(target.x), 0.002, Math.round(target.z));
+    const away = this.orbit.away;
+    // The world comes to the view, by whole cells of its grid: graphics cards reckon too coarsely far from zero, and so
+    // the ground has no end.
+    const cells = target.clone().round().setY(0);
+    this.world.position.copy(cells).negate();
+    this.orbit.camera.position.sub(cells);
+    this.orbit.camera.updateMatrixWorld();
+    target.sub(cells);
     this.floor.position.set(target.x, 0, target.z);
-    const reach = Math.max(3, 0.6 * this.orbit.distance);
+    const reach = Math.max(3, 0.6 * away);
+    const high = Math.max(1, reach / 6);
     this.sun.target.position.set(target.x, 0, target.z);
-    this.sun.position.set(target.x + 4, 9, target.z + 3);
+    this.sun.position.set(target.x + 4 * high, 9 * high, target.z + 3 * high);
     const box = this.sun.shadow.camera;
-    Object.assign(box, { left: -reach, right: reach, top: reach, bottom: -reach, near: 1, far: 30 });
+    Object.assign(box, { left: -reach, right: reach, top: reach, bottom: -reach, near: 1, far: 30 * high });
     box.updateProjectionMatrix();
-    this.scene.fog.near = 8 + 2 * this.orbit.distance;
-    this.scene.fog.far = 30 + 5 * this.orbit.distance;
+    // Ends before the grid does.
+    this.scene.fog.near = Math.min(8 + 2 * away, 20 + away);
+    this.scene.fog.far = Math.min(30 + 5 * away, 0.9 * GRID + away);
     this.renderer.render(this.scene, this.orbit.camera);
     this.walkers.forEach((walker, k) => {
       if (!names[k]) return;
-      const head = walker.centre.clone().setY(walker.told.height + 0.18).project(this.orbit.camera);
+      const head = walker.centre.clone().sub(cells).setY(walker.told.height + 0.18).project(this.orbit.camera);
       names[k].hidden = !walker.visible || walker.overlaid || head.z > 1 || Math.abs(head.x) > 1.1;
       names[k].style.zIndex = Math.round(1000 * (1 - head.z));
       names[k].style.left = `${50 + 50 * head.x}%`;

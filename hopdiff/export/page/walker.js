@@ -1,7 +1,8 @@
 // One motion: its body, its way over the ground, and where both are at a time.
 
 const SIDES = { left: "#0072B2", right: "#D55E00" };
-const TINTS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6BB1", "#7F7F7F"];
+// Those of left and right come last, so that few motions are never taken for sides.
+const TINTS = ["#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6BB1", "#7F7F7F", "#0072B2", "#D55E00"];
 const RUNG = 0.5; // m between the marks that pass below a body on the spot
 
 // Colours are reckoned with in light, and shown as on the screen.
@@ -90,9 +91,13 @@ class Walker {
     const once = new THREE.Matrix4().makeTranslation(again.to[0], 0, again.to[1])
       .multiply(new THREE.Matrix4().makeRotationY(again.yaw))
       .multiply(new THREE.Matrix4().makeTranslation(-again.from[0], 0, -again.from[1]));
-    const back = once.clone().invert();
     const found = new THREE.Matrix4();
-    for (let k = 0; k < Math.abs(lap); k++) found.multiply(lap > 0 ? once : back);
+    let power = lap > 0 ? once : once.invert();
+    // By squares: a page may play for hours.
+    for (let left = Math.abs(lap); left > 0; left = Math.floor(left / 2)) {
+      if (left % 2) found.multiply(power);
+      power = power.clone().multiply(power);
+    }
     return found;
   }
 
@@ -109,6 +114,7 @@ class Walker {
     const way = between(told.way, this.frame);
     const heading = between(told.heading, this.frame);
     const start = told.way[0];
+    this.heading = spot ? 0 : heading + (told.loop ? this.lap * told.again.yaw : 0);
     if (spot) {
       // Against its way, so that it stays where its lane is and faces as it began.
       const here = new THREE.Matrix4().makeTranslation(at[0], 0, at[1])
@@ -170,7 +176,7 @@ class Walker {
 function ladder(tint) {
   const lane = new THREE.Group();
   const rungs = [];
-  for (let z = -1.5; z <= 1.5 + 1e-9; z += RUNG) rungs.push(new THREE.Vector3(-0.35, 0, z), new THREE.Vector3(0.35, 0, z));
+  for (let z = -1.5 + RUNG; z <= 1.5 + 1e-9; z += RUNG) rungs.push(new THREE.Vector3(-0.35, 0, z), new THREE.Vector3(0.35, 0, z));
   const rails = [-0.35, 0.35].flatMap((x) => [new THREE.Vector3(x, 0, -1.5), new THREE.Vector3(x, 0, 1.5)]);
   for (const points of [rungs, rails]) {
     const line = new THREE.LineBasicMaterial({ color: colour(tint), transparent: true, opacity: 0.55 });
