@@ -38,7 +38,7 @@ from hopdiff.types import HopdiffError
 HERE = Path(__file__).parent
 PICTURED = 0.4  # of the brisk run's stride, in flight
 BODIES = ("wander_cmu_91_01_digital8_30hz", "walk_straight_snu_30hz")  # more skeletons of a folder of captured clips
-COLOURS = 128  # of pictures, which keeps their files small
+COLOURS = 256  # of pictures, which keeps their files small
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -204,7 +204,7 @@ def picture(program: str, files: Sequence[Exported], folder: Path) -> None:
 def small(picture: Path) -> None:
     """Save a picture again in few colours."""
     with Image.open(picture) as whole:
-        few = whole.convert("RGB").quantize(COLOURS)
+        few = whole.convert("RGB").quantize(COLOURS, kmeans=2)
     few.save(picture, optimize=True)
 
 
