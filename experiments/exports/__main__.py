@@ -38,7 +38,7 @@ from hopdiff.types import HopdiffError
 HERE = Path(__file__).parent
 PICTURED = 0.4  # of the brisk run's stride, in flight
 BODIES = ("wander_cmu_91_01_digital8_30hz", "walk_straight_snu_30hz")  # more skeletons of a folder of captured clips
-COLOURS = 256  # of pictures, which keeps their files small
+COLOURS = 256  # of Blender's picture
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -132,7 +132,6 @@ def browser_part(runs: Sequence[Take], folder: Path, pictures: Path) -> list[str
     pictures.mkdir(parents=True, exist_ok=True)
     # Of the page that holds the loops, in one row.
     rows = browser_rows([run for run in runs if run.loop], presets()["html"], folder, pictures / "page.png")
-    small(pictures / "page.png")
     return [
         f"## Chromium {rows[0][-1]}",
         "",
@@ -198,14 +197,10 @@ def picture(program: str, files: Sequence[Exported], folder: Path) -> None:
     brisk = next(k for k, take in enumerate(file.takes) if take.name == "brisk")
     target, moment = folder / "blender.png", PICTURED * file.takes[brisk].clip.duration
     look(program, file.path, "glb", file.takes, file.runs, import_options(file.settings), (target, moment, "brisk"))
-    small(target)
-
-
-def small(picture: Path) -> None:
-    """Save a picture again in few colours."""
-    with Image.open(picture) as whole:
+    # Few colours keep the noise of the light, and the file, small.
+    with Image.open(target) as whole:
         few = whole.convert("RGB").quantize(COLOURS, kmeans=2)
-    few.save(picture, optimize=True)
+    few.save(target, optimize=True)
 
 
 if __name__ == "__main__":
