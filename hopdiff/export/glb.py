@@ -5,7 +5,9 @@ Khronos Group, glTF 2.0 specification (2021). Axes and units are hopdiff's own, 
 
 from __future__ import annotations
 
+import json
 import os
+import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -21,13 +23,13 @@ from hopdiff.export.take import Take
 from hopdiff.geometry.quaternion import quaternions
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.files import write_whole
-from hopdiff.io.glb_parts import BIN, Arrays, joined
 from hopdiff.types import HopdiffError
 
 COLOURS = {"left": "#0072B2", "right": "#D55E00", "middle": "#8C92A0"}  # those of the pictures
 STILL = 1e-9  # m or of a quaternion by which a channel may vary and still be written as two keys
 ALIKE = 1e-6  # m by which the bones of one skeleton may differ
-VERTICES, INDICES = 34962, 34963  # buffer targets of glTF
+FLOAT, BYTE, SHORT, INT = 5126, 5121, 5123, 5125  # component types of glTF
+VERTICES, INDICES = 34962, 34963  # its buffer targets
 
 
 def write_glb(path: str | os.PathLike[str], takes: Sequence[Take]) -> None:
@@ -74,7 +76,9 @@ class _Writer:
         self.meshes: list[dict[str, Any]] = []
         self.skins: list[dict[str, Any]] = []
         self.animations: list[dict[str, Any]] = []
-        self.arrays = Arrays([], [])
+        self.accessors: list[dict[str, Any]] = []
+        self.views: list[dict[str, Any]] = []
+        self.data = bytearray()
 
     def add_body(self, take: Take, name: str) -> int:
         """Nodes, skin and mesh of a take's skeleton; returns the node of its root joint."""
@@ -93,12 +97,12 @@ class _Writer:
         # Joints are not turned in the rest pose: what takes it to a joint's own frame only moves.
         inverse = np.tile(np.eye(4, dtype=np.float32), (len(rest), 1, 1))
         inverse[:, 3, :3] = -places
-        matrices = self.arrays.add(inverse.reshape(-1, 16), "MAT4")
+        matrices = self._add(inverse.reshape(-1, 16), FLOAT, "MAT4")
         joints = [first + joint for joint in range(len(rest))]
         self.skins.append({"name": name, "joints": joints, "inverseBindMatrices": matrices, "skeleton": first})
-        kind = np.uint16 if len(rest) > 256 else np.uint8
+        wide = SHORT if len(rest) > 256 else BYTE
         primitives = [
-            self._primitive(surface, places[0], list(COLOURS).index(side), kind)
+            self._primitive(surface, places[0], list(COLOURS).index(side), wide)
             for side, surface in body_mesh(skeleton, take.masses).items()
         ]
         node = {"name": name, "skin": len(self.skins) - 1}
@@ -108,21 +112,20 @@ class _Writer:
             self.roots.append(len(self.nodes) - 1)
         return first
 
-    def _primitive(
-        self, surface: Surface, root: NDArray[np.float64], material: int, kind: type[np.unsignedinteger[Any]]
-    ) -> dict[str, Any]:
+    def _primitive(self, surface: Surface, root: NDArray[np.float64], material: int, wide: int) -> dict[str, Any]:
+        kind = np.uint16 if wide == SHORT else np.uint8
         small = len(surface.vertices) < 65535
         weights = surface.weights.astype(np.float32)
         # Their sum is 1 in the precision of the file, too.
         weights[:, 0] = 1.0 - weights[:, 1:].sum(axis=-1)
         attributes = {
-            "POSITION": self.arrays.add((surface.vertices + root).astype(np.float32), "VEC3", VERTICES, bounds=True),
-            "NORMAL": self.arrays.add(surface.normals.astype(np.float32), "VEC3", VERTICES),
-            "JOINTS_0": self.arrays.add(surface.joints.astype(kind), "VEC4", VERTICES),
-            "WEIGHTS_0": self.arrays.add(weights, "VEC4", VERTICES),
+            "POSITION": self._add((surface.vertices + root).astype(np.float32), FLOAT, "VEC3", VERTICES, bounds=True),
+            "NORMAL": self._add(surface.normals.astype(np.float32), FLOAT, "VEC3", VERTICES),
+            "JOINTS_0": self._add(surface.joints.astype(kind), wide, "VEC4", VERTICES),
+            "WEIGHTS_0": self._add(weights, FLOAT, "VEC4", VERTICES),
         }
         flat = surface.faces.reshape(-1, 1).astype(np.uint16 if small else np.uint32)
-        indices = self.arrays.add(flat, "SCALAR", INDICES)
+        indices = self._add(flat, SHORT if small else INT, "SCALAR", INDICES)
         return {"attributes": attributes, "indices": indices, "material": material}
 
     def add_animation(self, take: Take, first: int) -> None:
@@ -138,7 +141,7 @@ class _Writer:
         def add(node: int, path: str, values: NDArray[np.float64]) -> None:
             still = bool((np.ptp(values, axis=0) < STILL).all())
             kept = values[[0, -1]] if still and take.frames > 1 else values
-            output = self.arrays.add(kept.astype(np.float32), f"VEC{values.shape[-1]}")
+            output = self._add(kept.astype(np.float32), FLOAT, f"VEC{values.shape[-1]}")
             channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
             samplers.append({"input": ends if still else whole, "output": output, "interpolation": "LINEAR"})
 
@@ -159,10 +162,21 @@ class _Writer:
         self.animations.append({"name": take.name, "channels": channels, "samplers": samplers, "extras": extras})
 
     def _times(self, times: NDArray[Any]) -> int:
-        return self.arrays.add(times.astype(np.float32)[:, None], "SCALAR", bounds=True)
+        return self._add(times.astype(np.float32)[:, None], FLOAT, "SCALAR", bounds=True)
+
+    def _add(self, values: NDArray[Any], kind: int, shape: str, target: int | None = None, bounds: bool = False) -> int:
+        """Put values (n, width) into the buffer; returns their accessor."""
+        data = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<")).tobytes()
+        view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data)}
+        self.views.append(view | ({} if target is None else {"target": target}))
+        self.data += data + b"\0" * (-len(data) % 4)
+        accessor = {"bufferView": len(self.views) - 1, "componentType": kind, "count": len(values), "type": shape}
+        if bounds:
+            accessor |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
 
     def bytes(self) -> bytes:
-        self.arrays.pad()
         content = {
             "asset": {"version": "2.0", "generator": f"hopdiff {__version__}"},
             "scene": 0,
@@ -170,13 +184,22 @@ class _Writer:
             "nodes": self.nodes,
             "skins": self.skins,
             "animations": self.animations,
-            "accessors": self.arrays.accessors,
-            "bufferViews": self.arrays.views,
-            "buffers": [{"byteLength": len(self.arrays.data)}],
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [{"byteLength": len(self.data)}],
         }
         if self.meshes:
             content |= {"meshes": self.meshes, "materials": [_material(side) for side in COLOURS]}
-        return joined(content, [(BIN, bytes(self.arrays.data))])
+        text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+        text += b" " * (-len(text) % 4)
+        size = 12 + 8 + len(text) + 8 + len(self.data)
+        return b"".join(
+            (
+                struct.pack("<4sII", b"glTF", 2, size),
+                struct.pack("<I4s", len(text), b"JSON") + text,
+                struct.pack("<I4s", len(self.data), b"BIN\0") + bytes(self.data),
+            )
+        )
 
 
 def _same(a: Skeleton, b: Skeleton) -> bool:

@@ -76,7 +76,7 @@ def retargeted(take: Take, target: Target) -> Take:
 
 def _ground_root(target: Target) -> bool:
     """Whether the root joint is there to carry the way, as in Unreal Engine. Joints below it move in GLB files only."""
-    grounded = abs(float(target.places[0, 1]) - target.ground()) < ON_GROUND_ROOT * target.standing()
+    grounded = abs(float(target.places[0, 1])) < ON_GROUND_ROOT * target.standing()
     return isinstance(target.file, GlbFile) and target.parts["pelvis"] > 0 and grounded
 
 

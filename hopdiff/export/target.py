@@ -15,7 +15,7 @@ import torch
 import yaml
 from torch import Tensor
 
-from hopdiff.editing.legs import NAMES, SIDES, Leg, plain_name
+from hopdiff.editing.legs import SIDES, Leg
 from hopdiff.export.anatomy import SCHEMES, parts_of
 from hopdiff.export.full_body import JOINTS
 from hopdiff.geometry.clip import Clip
@@ -90,17 +90,10 @@ class Target:
         below = [k for k in range(len(self.places)) if k == leg.ankle or leg.ankle in self.skeleton.above(k)]
         heights = [float(self.places[k, 1]) for k in below]
         heights += [float(self.places[k, 1] + end[1]) for k in below if (end := self.end_of(k)) is not None]
-        lowest, height = min(heights), float(self.places[leg.hip, 1] - self.places[leg.ankle, 1])
-        # Soles are where its skin is lowest, or on y = 0 for a body that stands there; otherwise at the lowest joint of
-        # the foot. What hangs below the feet, or ends above them, is no sole.
-        skin = self.file.floor if isinstance(self.file, GlbFile) else None
-        floors = [floor for floor in (skin, 0.0) if floor is not None and 0.0 <= lowest - floor < NEAR_GROUND * height]
-        return float(self.places[leg.ankle, 1]) - (floors[0] if floors else lowest)
-
-    def ground(self) -> float:
-        """Height of the soles in the rest pose [m]."""
-        ends = [self.places[leg.knee, 1] + self.shank(leg)[1] - self.depth(leg) for leg in self.legs]
-        return float(min(ends))
+        lowest, thigh = min(heights), self.places[leg.hip, 1] - self.places[leg.ankle, 1]
+        # A body that stands on y = 0 shows where its soles are; otherwise they are at the lowest joint of the foot.
+        floor = 0.0 if 0.0 <= lowest < NEAR_GROUND * float(thigh) else lowest
+        return float(self.places[leg.ankle, 1]) - floor
 
     def standing(self) -> float:
         """Length of the stretched legs from hip to sole [m]."""
@@ -164,11 +157,6 @@ def target_of(
         if lacking[side]:
             raise HopdiffError(f"{name} lacks a {side} leg: none of its joints is known to be the {lacking[side][0]}.")
         knee = found[f"{side}_knee"]
-        if f"{side}_ankle" not in found and (loose := _loose_foot(skeleton, side, knee)) is not None:
-            raise HopdiffError(
-                f"{name}: {skeleton.names[loose]!r} does not hang on {skeleton.names[knee]!r}, so that the {side} foot "
-                f"would be left behind; export the skeleton without its controls."
-            )
         end = skeleton.end_sites.get(skeleton.names[knee])
         if f"{side}_ankle" not in found and (end is None or float(end.norm()) < 1e-6):
             if not skeleton.children(knee):
@@ -192,13 +180,6 @@ def target_of(
     raise HopdiffError(
         f"{name}: its body does not stand upright in its rest pose, so that nothing can be told from it."
     )
-
-
-def _loose_foot(skeleton: Skeleton, side: str, knee: int) -> int | None:
-    """A foot that follows its leg by inverse kinematics only, as in rigs that were exported with their controls."""
-    plain = [plain_name(name) for name in skeleton.names]
-    feet = [joint for joint, (own, word) in enumerate(plain) if own == side and word in NAMES["ankle"]]
-    return feet[0] if feet and not any(knee in skeleton.above(joint) for joint in feet) else None
 
 
 def _stands(target: Target) -> bool:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import base64
 import copy
+import json
 import os
+import struct
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,12 +21,11 @@ from torch import Tensor
 
 from hopdiff.geometry.quaternion import quaternions
 from hopdiff.geometry.skeleton import Skeleton
-from hopdiff.io.glb_bind import Matrix, rotation
-from hopdiff.io.glb_parse import ParsedGlb, parse_glb
-from hopdiff.io.glb_parts import BIN, Arrays, joined
+from hopdiff.io.glb_parse import BIN, JSON, Matrix, ParsedGlb, parse_glb
 from hopdiff.types import HopdiffError
 
-STILL = 1e-6  # m by which a joint may be off its node's place in its parent and still have no keys of its own
+FLOAT = 5126  # component type of glTF
+STILL = 1e-6  # m by which a joint may move against its parent and still stay
 
 
 class GlbFile(ParsedGlb):
@@ -70,22 +71,22 @@ class GlbFile(ParsedGlb):
             raise HopdiffError(
                 f"cannot write {name!r} into {self.path}: it has no frames, or numbers that are not finite."
             )
-        rest = torch.from_numpy(np.stack([rotation(matrix) for matrix in self.matrices]))
-        over = torch.stack([rest[p] if p >= 0 else torch.from_numpy(rotation(self.above)) for p in self.parents])
+        rest = torch.from_numpy(np.stack([_rotation(matrix) for matrix in self.matrices]))
+        over = torch.stack([rest[p] if p >= 0 else torch.from_numpy(_rotation(self.above)) for p in self.parents])
         turns = quaternions(over.transpose(-1, -2) @ rotations.detach().double().cpu() @ rest).numpy()
         back = np.linalg.inv(self.above)
-        moved = {self.nodes[0]: _numpy(root_position) @ back[:3, :3].T + back[:3, 3]}
+        way = root_position.detach().double().cpu().numpy() @ back[:3, :3].T + back[:3, 3]
         writer = _Writer(self)
-        bones = self.skeleton().offsets.expand(len(times), -1, -1) if offsets is None else offsets
-        for joint, node in enumerate(self.nodes):
-            place = writer.plain_node(node)
-            if joint > 0:
-                own = _numpy(bones[:, joint]) @ np.linalg.inv(self.matrices[self.parents[joint], :3, :3]).T
-                # Nodes may stand elsewhere than at rest.
-                size = np.linalg.norm(self.matrices[self.parents[joint], :3, 0])
-                if size * np.abs(own - place).max() > STILL:
-                    moved[node] = own
-        writer.animate(name, _numpy(times), moved, dict(zip(self.nodes, turns.swapaxes(0, 1), strict=True)))
+        for node in self.nodes:
+            writer.plain_node(node)
+        moved = {self.nodes[0]: way}
+        if offsets is not None:
+            for joint, own in enumerate(offsets.detach().double().cpu().numpy().swapaxes(0, 1)):
+                if joint > 0 and np.ptp(own, axis=0).max() > STILL:
+                    moved[self.nodes[joint]] = own @ np.linalg.inv(self.matrices[self.parents[joint], :3, :3]).T
+        writer.animate(
+            name, times.detach().double().cpu().numpy(), moved, dict(zip(self.nodes, turns.swapaxes(0, 1), strict=True))
+        )
         return writer.bytes()
 
 
@@ -102,8 +103,10 @@ def read_glb(path: str | os.PathLike[str]) -> GlbFile:
     return GlbFile(*parse_glb(data, str(path)))
 
 
-def _numpy(values: Tensor) -> Matrix:
-    return values.detach().double().cpu().numpy()
+def _rotation(matrix: Matrix) -> Matrix:
+    """(3, 3) the turn in a matrix (4, 4)."""
+    left, _, right = np.linalg.svd(matrix[:3, :3])
+    return left @ right
 
 
 class _Writer:
@@ -122,19 +125,18 @@ class _Writer:
             # The first buffer brings its own data, so that there is no place for a chunk: ours do the same.
             buffers.append({"byteLength": 0})
         self.buffer = 0 if self.whole else len(buffers) - 1
-        lists = [self.content.setdefault(name, []) for name in ("accessors", "bufferViews")]
-        self.arrays = Arrays(lists[0], lists[1], self.buffer, self.chunks[0][1] if self.whole else b"")
+        self.data = bytearray(self.chunks[0][1] if self.whole else b"")
 
-    def plain_node(self, index: int) -> Matrix:
-        """Give a node that has a matrix its turn, place and scale instead: others must not be animated. Returns its
-        place in its parent's frame (3,)."""
+    def plain_node(self, index: int) -> None:
+        """Give a node that has a matrix its turn, place and scale instead: others must not be animated."""
         node = self.content["nodes"][index]
-        if "matrix" in node:
-            matrix = np.array(node.pop("matrix"), dtype=np.float64).reshape(4, 4).T
-            node["translation"] = matrix[:3, 3].tolist()
-            node["rotation"] = quaternions(torch.from_numpy(rotation(matrix))[None])[0].tolist()
-            node["scale"] = np.linalg.norm(matrix[:3, :3], axis=0).tolist()
-        return np.array(node.get("translation", (0.0, 0.0, 0.0)), dtype=np.float64)
+        if "matrix" not in node:
+            return
+        matrix = np.array(node.pop("matrix"), dtype=np.float64).reshape(4, 4).T
+        turn = torch.from_numpy(_rotation(matrix))
+        node["translation"] = matrix[:3, 3].tolist()
+        node["rotation"] = quaternions(turn[None])[0].tolist()
+        node["scale"] = np.linalg.norm(matrix[:3, :3], axis=0).tolist()
 
     def animate(self, name: str, times: Matrix, moved: Mapping[int, Matrix], turns: Mapping[int, Matrix]) -> None:
         """times: (T,) [s]. By node, in its parent's frame: moved, (T, 3) places; turns, (T, 4) x y z w."""
@@ -144,22 +146,45 @@ class _Writer:
         while new in taken:
             number += 1
             new = f"{name}_{number}"
-        keys = self.arrays.add(times[:, None].astype(np.float32), "SCALAR", bounds=True)
+        keys = self.add(times[:, None], bounds=True)
         samplers: list[dict[str, Any]] = []
         channels: list[dict[str, Any]] = []
         for path, values in (("translation", moved), ("rotation", turns)):
             for node, own in values.items():
                 channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
-                output = self.arrays.add(own.astype(np.float32), f"VEC{own.shape[-1]}")
-                samplers.append({"input": keys, "output": output, "interpolation": "LINEAR"})
+                samplers.append({"input": keys, "output": self.add(own), "interpolation": "LINEAR"})
         animations.append({"name": new, "channels": channels, "samplers": samplers})
 
+    def add(self, values: Matrix, bounds: bool = False) -> int:
+        """Put values (T, width) into the data; returns their accessor."""
+        floats = values.astype("<f4")
+        self.data += b"\0" * (-len(self.data) % 4)
+        view = {"buffer": self.buffer, "byteOffset": len(self.data), "byteLength": floats.nbytes}
+        self.data += floats.tobytes()
+        views, accessors = self.content.setdefault("bufferViews", []), self.content.setdefault("accessors", [])
+        views.append(view)
+        kind = "SCALAR" if values.shape[-1] == 1 else f"VEC{values.shape[-1]}"
+        accessor = {"bufferView": len(views) - 1, "componentType": FLOAT, "count": len(values), "type": kind}
+        if bounds:
+            accessor |= {"min": floats.min(axis=0).tolist(), "max": floats.max(axis=0).tolist()}
+        accessors.append(accessor)
+        return len(accessors) - 1
+
     def bytes(self) -> bytes:
-        self.arrays.pad()
-        data, buffer = bytes(self.arrays.data), self.content["buffers"][self.buffer]
-        buffer["byteLength"] = len(data)
+        self.data += b"\0" * (-len(self.data) % 4)
+        buffer = self.content["buffers"][self.buffer]
+        buffer["byteLength"] = len(self.data)
         if self.whole:
-            self.chunks[0] = (BIN, data)
+            self.chunks[0] = (BIN, bytes(self.data))
         else:
-            buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(data).decode()}"
-        return joined(self.content, self.chunks)
+            text = base64.b64encode(self.data).decode()
+            buffer["uri"] = f"data:application/octet-stream;base64,{text}"
+        written = json.dumps(self.content, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+        chunks = [(JSON, written + b" " * (-len(written) % 4)), *self.chunks]
+        size = 12 + sum(8 + len(data) for _, data in chunks)
+        if size >= 2**32:
+            raise HopdiffError("a GLB file cannot be larger than 4 GiB.")
+        parts = [struct.pack("<4sII", b"glTF", 2, size)]
+        for kind, data in chunks:
+            parts += [struct.pack("<II", len(data), kind), data]
+        return b"".join(parts)

@@ -5,29 +5,28 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hopdiff.io.glb_bind import Matrix, bound, inverse_bind, lowest
-from hopdiff.io.glb_parts import BIN, JSON
 from hopdiff.types import HopdiffError
 
+Matrix = NDArray[np.float64]
 Chunks = tuple[tuple[int, bytes], ...]
 
 UNEVEN = 1e-3  # share by which the scales of a joint may differ between its axes
 LONGEST = 1e6  # of any number in a node: what is larger is no place in a character
+JSON, BIN = 0x4E4F534A, 0x004E4942  # kinds of chunks
 
 
 class ParsedGlb(NamedTuple):
-    """A GLB file. Of several skins the one with the most joints counts, of these the first, with all that share joints.
+    """A GLB file. Of several skins the one with the most joints counts, of these the first.
 
     path: where it was read. content: its JSON. chunks: (kind, bytes) that follow it, in their order.
-    nodes: J of them, parents first: the skins' joints, and what lies between them. parents: (J) indices among these.
+    nodes: J of them, parents first: the skin's joints, and what lies between them. parents: (J) indices among these.
     above: (4, 4) what takes the parent of the first node into the world. matrices: (J, 4, 4) nodes into the world at
-    rest, which is how they were when the skin was made. ends: nodes (4, 4) at the end of a joint, by joint.
-    floor: height of the lowest point of the skin at rest [m]; None if the file does not tell.
+    rest. ends: nodes (4, 4) at the end of a joint, by joint.
     """
 
     path: str
@@ -38,7 +37,6 @@ class ParsedGlb(NamedTuple):
     above: Matrix
     matrices: Matrix
     ends: dict[int, Matrix]
-    floor: float | None
 
 
 def parse_glb(data: bytes, path: str) -> ParsedGlb:
@@ -93,64 +91,23 @@ class _Reader:
     def parsed(self, chunks: Chunks) -> ParsedGlb:
         self.check_buffers(chunks)
         self.tables("animations")
-        skins = self.skins()
+        joints = self.joints()
         self.find_parents()
-        order, parents = self.tree(list(dict.fromkeys(joint for _, joints in skins for joint in joints)))
-        above = self.world(self.parent.get(order[0]))
+        order, parents = self.tree(joints)
+        above = np.eye(4)
+        for node in reversed(self.over(order[0])):
+            above = above @ self.matrix(node)
         self.even(above, self.parent.get(order[0], order[0]))
-        own = np.stack([self.matrix(node) for node in order])
-        now = np.empty_like(own)
+        matrices = np.empty((len(order), 4, 4))
         for k, (node, parent) in enumerate(zip(order, parents, strict=True)):
-            now[k] = (now[parent] if parent >= 0 else above) @ own[k]
-            self.even(now[k], node)
-        inverses, shifts = self.inverses(chunks, skins, {node: k for k, node in enumerate(order)})
-        # Exporters have the points of a skin in the world, in its node, or where the joints hang.
-        nodes = [self.world(k) for k, node in enumerate(self.nodes) if node.get("skin") == skins[0][0]]
-        matrices, whole = bound(inverses, parents, own, now, above, [np.eye(4), above, *nodes])
+            matrices[k] = (matrices[parent] if parent >= 0 else above) @ self.matrix(node)
+            self.even(matrices[k], node)
         ends = {}
         for k, node in enumerate(order):
             free = [child for child in self.children(node) if "mesh" not in self.nodes[child]]
             if k not in parents and free:
                 ends[k] = matrices[k] @ self.matrix(free[0])
-        floors = [self.floor(skin, whole @ shift) for skin, shift in shifts.items()]
-        floor = min((height for height in floors if height is not None), default=None)
-        return ParsedGlb(self.path, self.content, chunks, order, parents, above, matrices, ends, floor)
-
-    def inverses(
-        self, chunks: Chunks, skins: Sequence[tuple[int, list[int]]], at: Mapping[int, int]
-    ) -> tuple[dict[int, Matrix], dict[int, Matrix]]:
-        """By joint, what takes points of the first skin into it (4, 4); by skin, what takes its points into the first's
-        space (4, 4). at: node -> joint."""
-        inverses: dict[int, Matrix] = {}
-        shifts: dict[int, Matrix] = {}
-        for skin, joints in skins:
-            given = inverse_bind(self.content, chunks, self.content["skins"][skin])
-            mine = dict(zip((at[joint] for joint in joints), given, strict=False))
-            shared = next((joint for joint in mine if joint in inverses), None)
-            if mine and (shared is not None or not inverses):
-                shifts[skin] = np.eye(4) if shared is None else np.linalg.inv(inverses[shared]) @ mine[shared]
-                back = np.linalg.inv(shifts[skin])
-                inverses = {joint: one @ back for joint, one in mine.items()} | inverses
-        return inverses, shifts
-
-    def world(self, node: int | None) -> Matrix:
-        """(4, 4) what takes a node's frame into the world, as the nodes stand."""
-        found = np.eye(4)
-        for one in [] if node is None else [node, *self.over(node)]:
-            found = self.matrix(one) @ found
-        return found
-
-    def floor(self, skin: int, whole: Matrix) -> float | None:
-        """Height of the lowest point of a skin whose points a matrix (4, 4) takes into the world [m]."""
-        boxes = []
-        for mesh in (node["mesh"] for node in self.nodes if node.get("skin") == skin and "mesh" in node):
-            entry = self.tables("meshes")[self.index(mesh, len(self.tables("meshes")), "mesh")]
-            primitives = entry.get("primitives")
-            for one in primitives if isinstance(primitives, list) else []:
-                attributes = one.get("attributes") if isinstance(one, dict) else None
-                at = attributes.get("POSITION") if isinstance(attributes, dict) else None
-                boxes.append(self.tables("accessors")[self.index(at, len(self.tables("accessors")), "accessor")])
-        return lowest(boxes, whole)
+        return ParsedGlb(self.path, self.content, chunks, order, parents, above, matrices, ends)
 
     def fail(self, what: str) -> HopdiffError:
         return HopdiffError(f"{self.path}: {what}.")
@@ -183,27 +140,20 @@ class _Reader:
             if "bufferView" in accessor:
                 self.index(accessor["bufferView"], len(views), "buffer view")
 
-    def skins(self) -> list[tuple[int, list[int]]]:
-        """Indices and joints of the skin with the most joints, and of those that share joints with it."""
+    def joints(self) -> list[int]:
         skins = self.tables("skins")
         if not skins:
             raise self.fail("it has no skin, so that there is no skeleton to move")
-        found: list[tuple[int, list[int]]] = []
-        for k, skin in enumerate(skins):
+        found: list[int] = []
+        for skin in skins:
             joints = skin.get("joints")
             if not isinstance(joints, list) or not joints:
                 raise self.fail("it has a skin without joints")
-            found.append((k, [self.index(joint, len(self.nodes), "node") for joint in joints]))
+            own = [self.index(joint, len(self.nodes), "node") for joint in joints]
             if "inverseBindMatrices" in skin:
                 self.index(skin["inverseBindMatrices"], len(self.tables("accessors")), "accessor")
-        found.sort(key=lambda one: -len(one[1]))
-        kept = [found.pop(0)]
-        known = set(kept[0][1])
-        while (more := next((one for one in found if known & set(one[1])), None)) is not None:
-            found.remove(more)
-            kept.append(more)
-            known |= set(more[1])
-        return kept
+            found = own if len(own) > len(found) else found
+        return found
 
     def children(self, node: int) -> list[int]:
         found = self.nodes[node].get("children", [])
