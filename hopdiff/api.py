@@ -23,16 +23,17 @@ def generate(
     search: str = "gradient",
     seed: int = 0,
     character: str = "human",
-    model: str = "smooth",
+    model: str = "body",
     fps: float = 60.0,
-    evaluations: int = 10_000,
+    evaluations: int | None = None,
     device: str = "cpu",
     dtype: str = "float64",
     settings: tuple[str, ...] = (),
 ) -> Run:
     """Search for a run and return it: `.clip`, `.genes`, `.metrics`, `.motion`, `.history`. Writes no file.
 
-    speed [m/s]; beta in [0, 1), 0.2 is ordinary running; fps [frames/s]; evaluations: what the search may spend.
+    speed [m/s]; beta in [0, 1), 0.2 is ordinary running; fps [frames/s]; evaluations: what the search may spend,
+    None: what suits the model.
     search, character, model: names of files in conf/. settings: any others, written as on the command line
     ("costs.leg_force=0.1", "search.population=50").
     Raises HopdiffError with one sentence if a setting cannot be, or if no valid candidate turned up.
@@ -46,7 +47,7 @@ def generate(
         f"character={character}",
         f"model={model}",
         f"fps={fps}",
-        f"budget.evaluations={evaluations}",
+        *([] if evaluations is None else [f"budget.evaluations={evaluations}"]),
         f"device='{device}'",
         f"dtype='{dtype}'",
     ]

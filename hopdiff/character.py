@@ -61,14 +61,15 @@ class JointSettings:
 
 @dataclass
 class CharacterSettings:
-    """A body. height: unit of all lengths, what the unchanged body measures [m]. mass [kg]. proportions: how it is
-    changed. joint_limits_deg: flexion range (low, high) by joint kind.
+    """A body. height: unit of all lengths, what the unchanged body measures [m]. mass [kg]. shoe: thickness of the
+    soles [body heights], under the feet of the whole-body model. proportions: how it is changed. joint_limits_deg: flexion range (low, high) by joint kind.
     """
 
     name: str = "human"
     source: str = ""
     height: float = 1.75
     mass: float = 70.0
+    shoe: float = 0.014
     proportions: ProportionSettings = field(default_factory=ProportionSettings)
     joints: dict[str, JointSettings] = field(default_factory=dict)
     joint_limits_deg: dict[str, list[float]] = field(default_factory=dict)
@@ -79,7 +80,8 @@ class Character:
     """A body in SI units, ready for physics.
 
     height: from sole to crown, standing [m].
-    masses: (J,) [kg]. coms: (J, 3) segment centres of mass in their joint's frame [m].
+    masses: (J,) [kg]. coms: (J, 3) segment centres of mass in their joint's frame [m]. gyrations: (J, 3) radii of
+    gyration about them for the left, up and forward axes [m].
     inertias: (J, 3) moment of inertia of everything that hangs on a joint, body straight, about the joint's
     left, up and forward axes [kg m^2]. limits: flexion range by joint kind [rad].
     """
@@ -90,11 +92,13 @@ class Character:
     skeleton: Skeleton
     masses: Tensor
     coms: Tensor
+    gyrations: Tensor
     inertias: Tensor
     limits: dict[str, tuple[float, float]]
     thigh: float
     shank: float
     hip_half_width: float
+    shoe: float = 0.0
 
     @property
     def leg_length(self) -> float:
@@ -183,11 +187,13 @@ class Character:
             skeleton=Skeleton(skeleton.names, parents, offsets.to(device, dtype), ends),
             masses=masses.to(device, dtype),
             coms=coms.to(device, dtype),
+            gyrations=gyration.to(device, dtype),
             inertias=inertias.to(device, dtype),
             limits=limits,
             thigh=thigh,
             shank=shank,
             hip_half_width=half_width,
+            shoe=float(settings.shoe) * scale,
         )
 
     def rotations(self, channels: dict[str, Tensor]) -> Tensor:

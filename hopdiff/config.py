@@ -18,6 +18,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from hopdiff.character import Character, CharacterSettings
 from hopdiff.costs import CostSettings
+from hopdiff.effort.problem import BodyProblem
+from hopdiff.effort.settings import EffortSettings
 from hopdiff.export.settings import ExportSettings
 from hopdiff.genes import GeneSettings, GeneTable
 from hopdiff.graph.settings import WaySettings
@@ -32,15 +34,17 @@ from hopdiff.search.loop import Budget
 from hopdiff.tasks.edit_request import EditSettings, Request, TargetSettings, request_of
 from hopdiff.tasks.export import Exports, RetargetSettings
 from hopdiff.tasks.hopper import HopperSettings
-from hopdiff.tasks.job import Job
+from hopdiff.tasks.job import Job, threads
 from hopdiff.tasks.navigate import GraphSettings
 from hopdiff.tasks.path import PathSettings, Route, plan
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.genes import BODY_GENES
+from hopdiff.whole_body.model import BodyModel
 
 DTYPES = {"float32": torch.float32, "float64": torch.float64}
 MAX_FPS = 10_000.0
 # What settings with names of the user's own begin with.
-NEW = ("search.", "genes.fixed.", "genes.fixed=", "edit.joints.", "edit.joints=")
+NEW = ("search.", "costs.", "genes.fixed.", "genes.fixed=", "edit.joints.", "edit.joints=")
 
 # Hydra 1.4 drops the argument that 1.3 asks for.
 HYDRA_BASE: dict[str, Any] = {"version_base": None} if hydra.__version__ < "1.4" else {}
@@ -86,7 +90,7 @@ class Config:
     model: ModelSettings = field(default_factory=ModelSettings)
     search: dict[str, Any] = field(default_factory=dict)
     character: CharacterSettings = field(default_factory=CharacterSettings)
-    costs: CostSettings = field(default_factory=CostSettings)
+    costs: dict[str, Any] = field(default_factory=dict)
     genes: GeneSettings = field(default_factory=GeneSettings)
     limp: LimpSettings = field(default_factory=LimpSettings)
     path: PathSettings = field(default_factory=PathSettings)
@@ -108,15 +112,15 @@ class Config:
 def with_new_names(words: Sequence[str]) -> list[str]:
     """Words of the command line, those marked "++" whose settings need not be there before they are set.
 
-    A sweep is first composed with the default search, which need not have the setting of another; `build_search`
-    checks it. No gene is fixed, and no joint named, until the user does; `GeneTable.build` and `find_legs` check that.
+    A sweep is first composed with the default search and costs, which need not have the setting of others;
+    `build_search` and `build_costs` check it. No gene is fixed, and no joint named, until the user does; `GeneTable.build` and `find_legs` check that.
     """
     return [f"++{word}" if word.startswith(NEW) else word for word in words]
 
 
 def as_typed(text: str) -> str:
     """A message without the marks of `with_new_names`."""
-    return re.sub(r"\+\+(?=search\.|genes\.fixed|edit\.joints)", "", text)
+    return re.sub(r"\+\+(?=search\.|costs\.|genes\.fixed|edit\.joints)", "", text)
 
 
 @cache
@@ -158,9 +162,10 @@ def known_settings() -> list[str]:
                 yield from names(node[key], f"{prefix}{key}.")
 
     searches = {entry.name for search in SEARCHES.values() for entry in fields(search)}
+    costs = [*names(OmegaConf.to_container(OmegaConf.structured(CostSettings)), "costs.")]
     presets = [path.stem for path in (config_folder() / "export").glob("*.yaml")]
     exports = [f"exports.{preset}.{entry.name}" for preset in presets for entry in fields(ExportSettings)]
-    return [*names(OmegaConf.to_container(compose()), ""), *(f"search.{name}" for name in searches), *exports]
+    return [*names(OmegaConf.to_container(compose()), ""), *costs, *(f"search.{name}" for name in searches), *exports]
 
 
 def checked(config: DictConfig) -> Config:
@@ -213,14 +218,26 @@ def build_job(config: DictConfig) -> Job:
     device = build_device(settings.device, dtype)
     character = Character.build(settings.character, dtype, device)
     limping = settings.limp.amount > 0
-    table = GeneTable.build(settings.genes, character.leg_length, settings.speed, dtype, device, limping)
     model = build_model(settings.model, character, settings.limp)
-    problem = RunProblem(character, table, model, settings.costs, settings.speed, settings.beta)
+    whole = isinstance(model, BodyModel)
+    known = BODY_GENES if whole else None
+    table = GeneTable.build(settings.genes, character.leg_length, settings.speed, dtype, device, limping, known)
+    search = build_search(settings.search)
     plain = plain_settings(config)
+    costs = build_costs(settings.costs, settings.model.name)
+    problem: BodyProblem | RunProblem
+    if isinstance(model, BodyModel):
+        assert isinstance(costs, EffortSettings)
+        with threads(settings.threads):
+            problem = BodyProblem(character, table, model, costs, settings.speed, settings.beta)
+        plain["costs"] = problem.told(plain["costs"])
+    else:
+        assert isinstance(costs, CostSettings)
+        problem = RunProblem(character, table, model, costs, settings.speed, settings.beta)
     return Job(
         problem=problem,
         table=table,
-        search=build_search(settings.search),
+        search=search,
         budget=Budget(**vars(settings.budget)),
         seed=settings.seed,
         fps=settings.fps,
@@ -292,13 +309,30 @@ def build_device(name: str, dtype: torch.dtype) -> torch.device:
 def build_search(settings: Mapping[str, Any]) -> Search:
     """The search that `name` stands for. Raises HopdiffError for an unknown name or setting, or a wrong value."""
     name = choose("search.name", str(settings.get("name")), SEARCHES)
-    search = SEARCHES[name]
-    known = [entry.name for entry in fields(search)]
+    search: Search = _structured("search", name, SEARCHES[name], settings)
+    return search
+
+
+def build_costs(settings: Mapping[str, Any], model: str) -> CostSettings | EffortSettings:
+    """The costs of a model. Raises HopdiffError for those of another one, an unknown setting, or a wrong value."""
+    name, whole = str(settings.get("name")), "positive_work" in settings
+    if whole != (model == "body"):
+        fitting = "human or effort" if model == "body" else "default or thesis"
+        raise HopdiffError(f"costs={name} cannot judge runs of model={model}: take costs={fitting}.")
+    costs: CostSettings | EffortSettings = _structured(
+        "costs", name, EffortSettings if whole else CostSettings, settings
+    )
+    return costs
+
+
+def _structured(group: str, name: str, schema: type, settings: Mapping[str, Any]) -> Any:
+    """Settings of a group as an object of its class. Raises HopdiffError, naming the setting."""
+    known = [entry.name for entry in fields(schema)]
     for key in settings:
-        choose(f"setting of search {name}", key, known)
-    schema = OmegaConf.structured(search)
-    OmegaConf.set_readonly(schema, False)
+        choose(f"setting of {group} {name}", key, known)
+    structured = OmegaConf.structured(schema)
+    OmegaConf.set_readonly(structured, False)
     try:
-        return OmegaConf.to_object(OmegaConf.merge(schema, dict(settings)))  # type: ignore[return-value]
+        return OmegaConf.to_object(OmegaConf.merge(structured, dict(settings)))
     except OmegaConfBaseException as error:
-        raise HopdiffError(f"search.{error.full_key}: {one_line(error)}") from error
+        raise HopdiffError(f"{group}.{error.full_key}: {one_line(error)}") from error

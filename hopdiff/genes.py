@@ -10,7 +10,7 @@ adds the genes of the lame leg.
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -36,8 +36,13 @@ class GeneSettings:
     genes: dict[str, Any] = field(default_factory=dict)
 
 
-# Unit in the table -> factor to what the physics uses (SI, rad); lengths in leg lengths are scaled by the body.
-_UNITS = {"1": 1.0, "rad/s2": 1.0, "deg": math.pi / 180.0, "s": 1.0, "m": 1.0, "leg": None}
+# Unit in the table -> factor to what the physics uses (SI, rad), from the leg length [m]; pace is sqrt(l / g).
+_UNITS: dict[str, Callable[[float], float]] = {
+    **{name: lambda leg: 1.0 for name in ("1", "rad/s2", "s", "m")},
+    "deg": lambda leg: math.pi / 180.0,
+    "leg": lambda leg: leg,
+    "pace": lambda leg: math.sqrt(leg / GRAVITY),
+}
 
 # Names the model reads, and the open interval outside of which it makes no sense.
 KNOWN_GENES: dict[str, tuple[float, float]] = {
@@ -102,7 +107,8 @@ class GeneTable:
     names, units: G strings. low, high, ordinary: (G,) in table units; `ordinary` is everyday running, but for the
     fixed genes, whose low, high and ordinary are one. scale: (G,) from table units to what the physics uses.
     everyday: gene name -> (1,) in SI units and rad, the everyday run that calibrates the energy unit: whatever is
-    fixed, it is the same, and it does not limp.
+    fixed, it is the same, and it does not limp. senses: gene name -> the open interval in which it makes sense, in
+    table units.
     """
 
     name: str
@@ -113,6 +119,7 @@ class GeneTable:
     ordinary: Tensor
     scale: Tensor
     everyday: dict[str, Tensor] = field(default_factory=dict)
+    senses: Mapping[str, tuple[float, float]] = field(default_factory=lambda: {**KNOWN_GENES, **_OPTIONAL})
 
     @classmethod
     def build(
@@ -123,8 +130,12 @@ class GeneTable:
         dtype: torch.dtype = torch.float64,
         device: torch.device | str = "cpu",
         limping: bool = False,
+        known: Mapping[str, tuple[float, float]] | None = None,
     ) -> "GeneTable":
         """Table at a speed [m/s] for a leg length [m]. limping: whether the genes of a lame leg belong to it.
+
+        known: the genes of a model and the open interval in which each makes sense; None: those of smooth and thesis,
+        with the genes that only they have (a common eta, a lame leg).
 
         Raises HopdiffError, naming the gene, for an unknown or missing gene, an unknown unit, a range that is empty
         or reaches to where the gene makes no sense (alpha at 1/2, a duty factor of 1/2, ...), an ordinary value
@@ -132,15 +143,19 @@ class GeneTable:
         """
         froude = speed / math.sqrt(GRAVITY * leg_length)
         where = f"gene table {settings.name!r}"
-        lame = [name for name in _OPTIONAL if name.startswith(LAME)] if limping else []
-        for name in (*KNOWN_GENES, *([ETA] if settings.common_eta else []), *lame):
+        if known is not None and settings.common_eta:
+            raise HopdiffError("genes.common_eta has no effect here: this model has no balance gains.")
+        senses = {**KNOWN_GENES, **_OPTIONAL} if known is None else dict(known)
+        needed = tuple(KNOWN_GENES) if known is None else tuple(known)
+        lame = [name for name in _OPTIONAL if name.startswith(LAME)] if limping and known is None else []
+        for name in (*needed, *([ETA] if settings.common_eta else []), *lame):
             if name not in settings.genes:
                 raise HopdiffError(f"{where}: the gene {name!r} is missing.")
-        rows = {name: _row(name, entry, froude, where) for name, entry in settings.genes.items()}
-        names = [name for name in rows if _wanted(name, settings.common_eta, limping)]
-        everyday = {name: rows[name].ordinary * rows[name].scale(leg_length) for name in KNOWN_GENES}
+        rows = {name: _row(name, entry, froude, where, senses) for name, entry in settings.genes.items()}
+        names = [name for name in rows if known is not None or _wanted(name, settings.common_eta, limping)]
+        everyday = {name: rows[name].ordinary * rows[name].scale(leg_length) for name in needed}
         for name, value in settings.fixed.items():
-            _check_fixed(name, value, names, rows, settings.common_eta)
+            _check_fixed(name, value, names, rows, settings.common_eta, senses)
             rows[name] = _Row(rows[name].unit, value, value, value)
         table = [(row.low, row.high, row.ordinary, row.scale(leg_length)) for row in map(rows.__getitem__, names)]
         low, high, ordinary, scale = torch.tensor(table, dtype=torch.float64).to(device, dtype).T.contiguous()
@@ -153,6 +168,7 @@ class GeneTable:
             ordinary=ordinary,
             scale=scale,
             everyday={name: torch.tensor([value], dtype=dtype, device=device) for name, value in everyday.items()},
+            senses=senses,
         )
 
     @property
@@ -192,38 +208,34 @@ class _Row(NamedTuple):
 
     def scale(self, leg_length: float) -> float:
         """Factor from table units to SI units and rad."""
-        factor = _UNITS[self.unit]
-        return leg_length if factor is None else factor
+        return _UNITS[self.unit](leg_length)
 
 
-def _row(name: str, entry: Any, froude: float, where: str) -> _Row:
-    if name not in KNOWN_GENES and name not in _OPTIONAL:
-        raise HopdiffError(f"{where}: unknown gene {name!r}; known are {', '.join((*KNOWN_GENES, *_OPTIONAL))}.")
+def _row(name: str, entry: Any, froude: float, where: str, senses: Mapping[str, tuple[float, float]]) -> _Row:
+    if name not in senses:
+        raise HopdiffError(f"{where}: unknown gene {name!r}; known are {', '.join(senses)}.")
     if not isinstance(entry, Mapping):
         raise HopdiffError(f"{where}: gene {name!r} must be a table of unit, low, high and ordinary, not {entry!r}.")
-    stray = [key for key in entry if key not in ("unit", "low", "high", "ordinary")]
+    # Where everyday running is not known, but where a search begins, the entry is called so.
+    usual = "start" if "start" in entry else "ordinary"
+    stray = [key for key in entry if key not in ("unit", "low", "high", usual)]
     if stray:
         raise HopdiffError(f"{where}: gene {name!r} has an unknown entry {stray[0]!r}.")
     unit = str(entry.get("unit"))
     if unit not in _UNITS:
         raise HopdiffError(f"{where}: unknown unit {unit!r} of gene {name!r}; known are {', '.join(_UNITS)}.")
     low, high, ordinary = (
-        _at_froude(entry.get(key), froude, f"{where}, {name}.{key}") for key in ("low", "high", "ordinary")
+        at_froude(entry.get(key), froude, f"{where}, {name}.{key}") for key in ("low", "high", usual)
     )
-    least, most = sense(name)
+    least, most = senses[name]
     if not least < low <= high < most:
         raise HopdiffError(
             f"{where}: the range of {name!r} must satisfy {least:g} < low <= high < {most:g} [{unit}],"
             f" not [{low:g}, {high:g}]."
         )
     if not low <= ordinary <= high:
-        raise HopdiffError(f"{where}: the ordinary {name!r} of {ordinary:g} lies outside [{low:g}, {high:g}].")
+        raise HopdiffError(f"{where}: the {usual} {name!r} of {ordinary:g} lies outside [{low:g}, {high:g}].")
     return _Row(unit, low, high, ordinary)
-
-
-def sense(name: str) -> tuple[float, float]:
-    """The open interval in which a gene makes sense."""
-    return KNOWN_GENES[name] if name in KNOWN_GENES else _OPTIONAL[name]
 
 
 def _wanted(name: str, common_eta: bool, limping: bool) -> bool:
@@ -233,7 +245,14 @@ def _wanted(name: str, common_eta: bool, limping: bool) -> bool:
     return not (name in ETAS if common_eta else name == ETA)
 
 
-def _check_fixed(name: str, value: float, names: Sequence[str], rows: Mapping[str, _Row], common_eta: bool) -> None:
+def _check_fixed(
+    name: str,
+    value: float,
+    names: Sequence[str],
+    rows: Mapping[str, _Row],
+    common_eta: bool,
+    senses: Mapping[str, tuple[float, float]],
+) -> None:
     """Raises HopdiffError if a fixed value belongs to no gene of this run or makes no sense."""
     where = f"genes.fixed.{name}"
     if name not in rows:
@@ -244,13 +263,13 @@ def _check_fixed(name: str, value: float, names: Sequence[str], rows: Mapping[st
         raise HopdiffError(f"{where} has no effect with genes.common_eta=true: fix genes.fixed.eta.")
     if name not in names:
         raise HopdiffError(f"{where} is a gene of the lame leg and needs limp.amount above 0.")
-    least, most = sense(name)
+    least, most = senses[name]
     if not least < value < most:
         raise HopdiffError(f"{where} must lie between {least:g} and {most:g} [{rows[name].unit}], not {value:g}.")
 
 
-def _at_froude(entry: Any, froude: float, where: str) -> float:
-    """A number, or the value at a Froude speed of a table {froude: number}."""
+def at_froude(entry: Any, froude: float, where: str) -> float:
+    """A number, or the value at a Froude speed of a table {froude: number}. Raises HopdiffError, naming `where`."""
     if entry is None:
         raise HopdiffError(f"{where} is missing.")
     if hasattr(entry, "items"):

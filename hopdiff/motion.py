@@ -33,6 +33,8 @@ class Motion:
     angles: curves (T,) [rad] by name: "left_hip", "right_hip", "left_knee", "right_knee", "trunk",
         "left_shoulder", "right_shoulder", "left_elbow", "right_elbow"; flexion and forward lean positive.
     phases: the four phases in order of time.
+    force, cop: (T, 2, 3) ground force on each foot in body weights, and its centre of pressure [m] (where the foot is
+        in the air that of the nearest moment on the ground); None where the model knows no ground force.
     """
 
     clip: Clip
@@ -44,3 +46,5 @@ class Motion:
     leg_force: Tensor
     angles: dict[str, Tensor]
     phases: tuple[Phase, ...]
+    force: Tensor | None = None
+    cop: Tensor | None = None

@@ -32,6 +32,10 @@ class Status(IntEnum):
     BALANCE_UNSTABLE = 7
     NOT_FINITE = 8
     NO_FLIGHT = 9
+    PULLED_DOWN = 10
+    SLIPPERY = 11
+    LEGS_MEET = 12
+    NOT_CLOSED = 13
 
     @property
     def sentence(self) -> str:
@@ -49,4 +53,8 @@ _SENTENCES = {
     Status.BALANCE_UNSTABLE: "The balance gains push the body away from its support.",
     Status.NOT_FINITE: "The motion holds a number that is not finite.",
     Status.NO_FLIGHT: "The leg gives too little lift for a flight phase.",
+    Status.PULLED_DOWN: "The ground would have to hold a foot down.",
+    Status.SLIPPERY: "A foot needs more friction than the ground has.",
+    Status.LEGS_MEET: "The legs run into each other.",
+    Status.NOT_CLOSED: "No motion was found in which the body does what its momentum asks.",
 }

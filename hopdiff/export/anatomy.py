@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdiff.editing.legs import SIDES, find_legs, plain_name
-from hopdiff.export.full_body import JOINTS
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.skeleton import JOINTS
 
 # The names of joints in other programs, by those of `full_body`. A root that is not the pelvis is put under it.
 SCHEMES: Mapping[str, Mapping[str, str]] = {

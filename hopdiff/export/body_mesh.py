@@ -13,9 +13,9 @@ import numpy as np
 import torch
 
 from hopdiff.export.anatomy import ordinary_masses, parts_of
-from hopdiff.export.full_body import HEEL, TOE_TIP
 from hopdiff.export.loft import Floats, Ring, Surface, ellipsoid, joined, loft, through
 from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.whole_body.skeleton import HEEL, TOE_TIP
 
 DENSITY = 1000.0  # kg/m^3
 # Thickness along a limb, first as a share of its length, then against its mean.

@@ -106,6 +106,8 @@ def mirrored(take: Take) -> Take:
         leg_force=sides(take.leg_force),
         feet=None if feet is None else feet * flip,
         com=None if com is None else com * flip,
+        force=None if take.force is None else take.force.flip(1) * flip,
+        cop=None if take.cop is None else take.cop.flip(1) * flip,
     )
 
 

@@ -58,7 +58,7 @@ def in_place(take: Take) -> Take:
     root = here(clip.root_position)
     assert root is not None
     clip = replace(clip, root_position=root, rotations=rotations)
-    return replace(take, clip=clip, feet=here(take.feet), com=here(take.com))
+    return replace(take, clip=clip, feet=here(take.feet), com=here(take.com), cop=here(take.cop))
 
 
 def with_ground_root(take: Take, name: str) -> Take:

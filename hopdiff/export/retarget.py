@@ -16,7 +16,7 @@ from torch import Tensor
 
 from hopdiff.editing.contacts import spans
 from hopdiff.editing.legs import SIDES
-from hopdiff.export.full_body import JOINTS, full_body, is_model_body
+from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.export.planting import Sole, foot_points, planted
 from hopdiff.export.prepare import with_way_on_root
 from hopdiff.export.take import Take
@@ -27,6 +27,7 @@ from hopdiff.io.bvh import BvhFile
 from hopdiff.io.files import write_whole
 from hopdiff.io.glb_file import GlbFile
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.skeleton import JOINTS
 
 __all__ = ["Target", "read_target", "retargeted", "target_of", "transferred", "write_retargeted"]
 
@@ -70,7 +71,8 @@ def retargeted(take: Take, target: Target) -> Take:
     numbers = {name: value for name, value in take.numbers.items() if name in TIMES}
     numbers |= {name: ratio * take.numbers[name] for name in LENGTHS if isinstance(take.numbers.get(name), float)}
     numbers |= {"body": Path(target.name).name, "leg_ratio": ratio}
-    found = replace(take, clip=clip, feet=feet, com=None, leg_force=None, masses=None, numbers=numbers)
+    unknown = dict.fromkeys(("com", "leg_force", "masses", "force", "cop", "segments"))
+    found = replace(take, clip=clip, feet=feet, numbers=numbers, **unknown)
     return with_way_on_root(found, target.parts["pelvis"]) if _ground_root(target) else found
 
 

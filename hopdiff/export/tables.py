@@ -8,6 +8,7 @@ Columns of a CSV file, one row a frame; World axes: x to the left of the first h
     com.x com.y com.z                           centre of mass, m
     left.contact right.contact                  1 while the foot stands, else 0
     left_foot.x ... right_foot.z                contact point of each foot, m
+    left_force.x ... right_force.z              ground force on each foot, N
     left.leg_force right.leg_force              force along the leg, N
     left.ground_force right.ground_force        its vertical part, with which the foot presses on the ground, N
 
@@ -30,7 +31,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from hopdiff.export.anatomy import parts_of
-from hopdiff.export.take import Take
+from hopdiff.export.take import Segments, Take
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.quaternion import from_quaternions, quaternions
 from hopdiff.geometry.skeleton import Skeleton
@@ -51,9 +52,9 @@ def write_csv(path: Path, take: Take) -> None:
     for joint, name in enumerate(clip.skeleton.names):
         names += [f"{name}.{axis}" for axis in ("x", "y", "z", "qx", "qy", "qz", "qw")]
         columns += [places[:, joint], turns[:, joint]]
-    for entry, what in (("com", "com"), ("feet", "{}_foot")):
+    for entry, what in (("com", "com"), ("feet", "{}_foot"), ("force", "{}_force")):
         if (values := getattr(take, entry)) is not None:
-            owners = SIDES if entry == "feet" else ("",)
+            owners = ("",) if entry == "com" else SIDES
             names += [f"{what.format(owner)}.{axis}" for owner in owners for axis in "xyz"]
             columns.append(values.reshape(take.frames, -1).numpy())
     by_leg = {"contact": take.contact, "leg_force": take.leg_force, "ground_force": ground_force(take)}
@@ -72,7 +73,11 @@ def write_npz(path: Path, take: Take) -> None:
     frame [m], end_names and ends (E, 3) [m]; frame_time [s], loop; root_position (T, 3) [m], rotations (T, J, 4) x y z
     w, each in its parent's frame, positions (T, J, 3) in the world [m]; where joints move against their parents
     moving_offsets (T, J, 3) [m]; where known contact (T, 2), feet (T, 2, 3) [m], com (T, 3) [m], leg_force and
-    ground_force (T, 2) [N], segments and masses of the body [kg]. name, numbers: as JSON text. Left comes first.
+    ground_force (T, 2) [N], force and cop (T, 2, 3), the ground force on each foot [N] and its centre of pressure [m];
+    of the body's rigid segments (S) segments: the joints that carry them, masses (S,) [kg], centres (S, 3) of mass in
+    the joints' frames [m], inertias (S, 3) principal moments along the frames' axes [kg m^2]; heel (3,) from the ankle
+    of a level foot [m]; parts, part_masses: of the character's eleven parts. name, numbers: as JSON text. Left comes
+    first.
     Raises HopdiffError if the file cannot be written.
     """
     clip = take.clip
@@ -99,10 +104,17 @@ def write_npz(path: Path, take: Take) -> None:
         "com": take.com,
         "leg_force": take.leg_force,
         "ground_force": ground_force(take),
+        "force": take.force,
+        "cop": take.cop,
     }
     arrays |= {name: values.numpy() for name, values in known.items() if values is not None}
     if take.masses is not None:
-        arrays |= {"segments": np.array(list(take.masses)), "masses": np.array(list(take.masses.values()))}
+        arrays |= {"parts": np.array(list(take.masses)), "part_masses": np.array(list(take.masses.values()))}
+    if (body := take.segments) is not None:
+        arrays |= {"segments": np.array(body.joints), "masses": body.masses.detach().double().cpu().numpy()}
+        arrays |= {name: getattr(body, name).detach().double().cpu().numpy() for name in ("centres", "inertias")}
+        if body.heel is not None:
+            arrays["heel"] = body.heel.detach().double().cpu().numpy()
     data = BytesIO()
     np.savez_compressed(data, **arrays)
     write_whole(path, data.getvalue())
@@ -146,9 +158,15 @@ def _take(arrays: dict[str, NDArray[Any]]) -> Take:
     skeleton = Skeleton(names, parents, offsets, ends)
     clip = Clip(skeleton, root, from_quaternions(turns), float(arrays["frame_time"]), given("moving_offsets"))
     contact = given("contact")
-    masses = None
-    if "masses" in arrays:
+    masses, segments = None, None
+    if "part_masses" in arrays:
+        masses = dict(zip(arrays["parts"].tolist(), arrays["part_masses"].tolist(), strict=True))
+    elif "masses" in arrays:  # as earlier versions wrote them: the parts alone
         masses = dict(zip(arrays["segments"].tolist(), arrays["masses"].tolist(), strict=True))
+    if "inertias" in arrays:
+        joints = tuple(str(name) for name in arrays["segments"])
+        values = [torch.from_numpy(arrays[name].astype(np.float64)) for name in ("masses", "centres", "inertias")]
+        segments = Segments(joints, *values, given("heel"))
     take = Take(str(arrays["name"]), clip, bool(arrays["loop"]), numbers=json.loads(str(arrays["numbers"])))
     return replace(
         take,
@@ -157,14 +175,19 @@ def _take(arrays: dict[str, NDArray[Any]]) -> Take:
         com=given("com"),
         leg_force=given("leg_force"),
         masses=masses,
+        force=given("force"),
+        cop=given("cop"),
+        segments=segments,
     )
 
 
 def ground_force(take: Take) -> Tensor | None:
-    """(T, 2) vertical part of the force along each leg [N], or None where it is not known.
+    """(T, 2) vertical part of the ground force on each foot [N], or None where it is not known.
 
-    The leg pushes along the line from the contact point to the hip (Kang 1999, section 3.1, one-leg hopper).
+    Where only the force along the legs is known, a leg pushes along the line from the contact point to the hip (Kang 1999, section 3.1, one-leg hopper).
     """
+    if take.force is not None:
+        return take.force[..., 1]
     parts = parts_of(take.clip.skeleton)
     hips = [parts[f"{side}_hip"] for side in SIDES if f"{side}_hip" in parts]
     if take.leg_force is None or take.feet is None or len(hips) < len(SIDES):

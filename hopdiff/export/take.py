@@ -22,7 +22,21 @@ from hopdiff.types import HopdiffError
 CLOSED = 1e-3  # m by which joints may be off where a loop goes on: standing feet would slip by as much
 RIGID = 1e-3  # m by which joints may move against their parents and still be taken for fixed
 MAX_FRAMES = 1_000_000
-PLACES = ("feet", "com")  # fields that are points in the world
+PLACES = ("feet", "com", "cop")  # fields that are points in the world
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """The rigid parts of a body. joints: (S,) that carry them. masses: (S,) [kg]. centres: (S, 3) of mass in the joints'
+    frames [m]. inertias: (S, 3) principal moments about them, along the frames' axes [kg m^2]. heel: (3,) from the
+    ankle of a level foot [m], None for a body without feet.
+    """
+
+    joints: tuple[str, ...]
+    masses: Tensor
+    centres: Tensor
+    inertias: Tensor
+    heel: Tensor | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +45,9 @@ class Take:
 
     loop: whether the last frame is the first of a repetition. contact: (T, 2) bool, left and right foot on the ground.
     feet: (T, 2, 3) their contact points [m]. com: (T, 3) centre of mass [m]. leg_force: (T, 2) along each leg [N].
-    masses: of the body's eleven segments by joint [kg]. What is not known is None. numbers: about the motion, for
-    people (what metrics.json holds).
+    masses: of the body's eleven segments by joint [kg]. force, cop: (T, 2, 3) ground force on each foot [N] and its
+    centre of pressure [m]. segments: the rigid parts that its joints move. What is not known is None. numbers: about
+    the motion, for people (what metrics.json holds).
     """
 
     name: str
@@ -44,15 +59,26 @@ class Take:
     leg_force: Tensor | None = None
     masses: Mapping[str, float] | None = None
     numbers: Mapping[str, Any] = field(default_factory=dict)
+    force: Tensor | None = None
+    cop: Tensor | None = None
+    segments: Segments | None = None
 
     @property
     def frames(self) -> int:
         return self.clip.frames
 
     @classmethod
-    def of_motion(cls, name: str, motion: Motion, masses: Mapping[str, float], numbers: Mapping[str, Any]) -> Take:
-        """A run of hopdiff's own. masses: of its segments by joint [kg]."""
+    def of_motion(
+        cls,
+        name: str,
+        motion: Motion,
+        masses: Mapping[str, float],
+        numbers: Mapping[str, Any],
+        segments: Segments | None = None,
+    ) -> Take:
+        """A run of hopdiff's own. masses: of the character's eleven segments by joint [kg]."""
         clip = _plain(motion.clip)
+        weight = sum(masses.values()) * GRAVITY
         return cls(
             name,
             clip,
@@ -60,9 +86,12 @@ class Take:
             motion.contact.cpu(),
             motion.feet.double().cpu(),
             motion.com.double().cpu(),
-            motion.leg_force.double().cpu() * sum(masses.values()) * GRAVITY,
+            motion.leg_force.double().cpu() * weight,
             dict(masses),
             dict(numbers),
+            None if motion.force is None else motion.force.double().cpu() * weight,
+            None if motion.cop is None else motion.cop.double().cpu(),
+            segments,
         )
 
     @classmethod

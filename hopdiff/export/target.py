@@ -17,7 +17,6 @@ from torch import Tensor
 
 from hopdiff.editing.legs import SIDES, Leg
 from hopdiff.export.anatomy import SCHEMES, parts_of
-from hopdiff.export.full_body import JOINTS
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.bvh import BvhFile, read_bvh
@@ -25,6 +24,7 @@ from hopdiff.io.files import read_text
 from hopdiff.io.glb_file import GlbFile, read_glb
 from hopdiff.messages import near
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.skeleton import JOINTS
 
 TRUNK = ("waist", "chest", "upper_chest")
 # Parts of which each hangs on the one before, whatever lies between.

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hopdiff.genes import LAME, GeneTable, sense
+from hopdiff.genes import LAME, GeneTable
 from hopdiff.io.files import read_text, write_whole
 from hopdiff.messages import near
 from hopdiff.types import HopdiffError
@@ -91,7 +91,7 @@ def unit_genes(file: GenesFile, table: GeneTable, strange: bool = False) -> Tens
         name, unit, value = table.names[index], table.units[index], float(values[index])
         if low[index] == high[index]:
             raise HopdiffError(f"{where}: gene {name!r} is {value:g}, but fixed at {low[index]:g} [{unit}].")
-        least, most = sense(name) if strange else (float(low[index]), float(high[index]))
+        least, most = table.senses[name] if strange else (float(low[index]), float(high[index]))
         if not least <= value <= most:
             here = "" if strange else " at this speed"
             raise HopdiffError(

@@ -16,13 +16,16 @@ from hopdiff.physics.hopper import Cycle, solve_cycle
 
 @dataclass
 class ModelSettings:
-    """name: "smooth" or "thesis". nodes, sweeps: of the smooth model. step, strides: of the thesis model.
+    """name: "body", "smooth" or "thesis". rounds, adjoint_rounds: of the whole-body model's solution and of its
+    gradient. nodes, sweeps: of the smooth model. step, strides: of the thesis model.
 
     nodes: Chebyshev nodes per phase. sweeps: corrections of the balance with the true body.
     step: frame interval h of the stepping equations [s]. strides: how many are run before the one that is kept.
     """
 
-    name: str = "smooth"
+    name: str = "body"
+    rounds: int = 10
+    adjoint_rounds: int = 8
     nodes: int = 28
     sweeps: int = 2
     step: float = 0.005

@@ -35,7 +35,9 @@ class Eval(NamedTuple):
 class Problem(Protocol):
     """Anything that prices points of the unit box [0, 1]^G.
 
-    It may have an attribute `start` (G,), the point that it would try first; only the search Ordinary asks for it.
+    It may have attributes: `start` (G,), the point that it would try first; `spread`, how far from there searches
+    begin, in box widths (without it they begin anywhere in the box); `starts` and `screen`, how many descents, and
+    points to take them from, suit it.
     """
 
     @property

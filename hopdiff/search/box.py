@@ -17,10 +17,19 @@ class Box(NamedTuple):
     dimension: int
     dtype: torch.dtype
     device: torch.device
+    start: Tensor | None = None
+    spread: float | None = None
 
     @classmethod
     def of(cls, problem: Problem) -> Box:
-        return cls(problem.dimension, problem.dtype, problem.device)
+        start, spread = getattr(problem, "start", None), getattr(problem, "spread", None)
+        return cls(problem.dimension, problem.dtype, problem.device, start, spread)
+
+    def first(self, rows: int, generator: torch.Generator) -> Tensor:
+        """(rows, G) points that a search begins with: uniform, or normal about the start of a problem that says so."""
+        if self.start is None or self.spread is None:
+            return self.uniform(rows, generator)
+        return (self.start + self.spread * self.normal(rows, generator)).clamp(0.0, 1.0)
 
     def uniform(self, rows: int, generator: torch.Generator) -> Tensor:
         """(rows, G) points, each gene uniform in [0, 1)."""

@@ -69,7 +69,7 @@ class CMAES:
         idle = 0 if progress else state.idle + 1
         if idle < self.patience and not optimizer.should_stop():
             return Run(state.box, optimizer, best if progress else state.best, idle)
-        mean = state.box.uniform(1, generator)[0].double().cpu().numpy()
+        mean = state.box.first(1, generator)[0].double().cpu().numpy()
         return self._start(state.box, mean, round(optimizer.population_size * self.growth), generator)
 
     def _start(self, box: Box, mean: np.ndarray, population: int | None, generator: torch.Generator) -> Run:

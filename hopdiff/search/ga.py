@@ -73,7 +73,7 @@ class GA:
 
     def ask(self, state: Population, generator: torch.Generator) -> tuple[Tensor, bool]:
         if state.generation == 0:
-            return state.box.uniform(self.population, generator), False
+            return state.box.first(self.population, generator), False
         return self.breed(state, self.population - self.elites, generator), False
 
     def tell(self, state: Population, genes: Tensor, result: Eval, generator: torch.Generator) -> Population:

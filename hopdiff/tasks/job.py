@@ -10,14 +10,17 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hopdiff.export.take import Take
+from hopdiff.export.take import Segments, Take
 from hopdiff.genes import GeneTable
 from hopdiff.geometry.clip import Clip
+from hopdiff.effort.metrics import body_metrics
+from hopdiff.effort.problem import BodyProblem
 from hopdiff.metrics import run_metrics
 from hopdiff.motion import Motion
 from hopdiff.problem import RunProblem
 from hopdiff.search.base import Search
 from hopdiff.search.loop import Budget, HistoryRow, OnStep, SearchResult, run_search
+from hopdiff.whole_body.layout import JOINT_OF, SEGMENTS
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class Job:
     saved: the part of it that belongs into the genes file, so that a replay needs nothing else.
     """
 
-    problem: RunProblem
+    problem: RunProblem | BodyProblem
     table: GeneTable
     search: Search
     budget: Budget
@@ -44,7 +47,7 @@ class Run:
     """A run that was found or replayed.
 
     genes: value by name, in the units of the gene table. metrics: what metrics.json holds, SI units. masses: of the
-    body's segments by joint [kg]. history: one row a step of the search, none for a replay. interrupted: whether the
+    eleven segments of the character by joint [kg]; segments: those that the motion moves. history: one row a step of the search, none for a replay. interrupted: whether the
     user broke the search off.
     """
 
@@ -52,6 +55,7 @@ class Run:
     genes: dict[str, float]
     metrics: dict[str, Any]
     masses: dict[str, float]
+    segments: Segments
     history: list[HistoryRow] = field(default_factory=list)
     interrupted: bool = False
 
@@ -61,7 +65,7 @@ class Run:
 
     def take(self) -> Take:
         """The run as other programs are given it."""
-        return Take.of_motion(run_name(self.metrics), self.motion, self.masses, self.metrics)
+        return Take.of_motion(run_name(self.metrics), self.motion, self.masses, self.metrics, self.segments)
 
 
 def run_name(metrics: Mapping[str, Any]) -> str:
@@ -91,11 +95,28 @@ def make_run(job: Job, genes: Tensor, result: SearchResult | None = None) -> Run
     return Run(
         motion=motion,
         genes=dict(zip(job.table.names, values, strict=True)),
-        metrics={**run_metrics(job.problem, genes), **_provenance(job, motion, result)},
+        metrics={**metrics_of(job.problem, genes), **_provenance(job, motion, result)},
         masses=dict(zip(body.skeleton.names, body.masses.tolist(), strict=True)),
+        segments=segments_of(job.problem),
         history=result.history if result else [],
         interrupted=result.interrupted if result else False,
     )
+
+
+def metrics_of(problem: RunProblem | BodyProblem, genes: Tensor) -> dict[str, float]:
+    """The numbers of one candidate (G,) of the unit box."""
+    return body_metrics(problem, genes) if isinstance(problem, BodyProblem) else run_metrics(problem, genes)
+
+
+def segments_of(problem: RunProblem | BodyProblem) -> Segments:
+    """The rigid segments that the motion's joints carry."""
+    if isinstance(problem, BodyProblem):
+        layout = problem.model.layout
+        names = tuple(JOINT_OF[segment] for segment in SEGMENTS)
+        return Segments(names, layout.masses, layout.centres, layout.inertias, layout.heel)
+    body = problem.character
+    moments = body.masses.unsqueeze(-1) * body.gyrations**2
+    return Segments(body.skeleton.names, body.masses, body.coms, moments, None)
 
 
 def _provenance(job: Job, motion: Motion, result: SearchResult | None) -> dict[str, Any]:
@@ -107,6 +128,7 @@ def _provenance(job: Job, motion: Motion, result: SearchResult | None) -> dict[s
         "wall_seconds": result.seconds if result else 0.0,
         "search": job.search.name if result else "none",
         "model": job.settings["model"]["name"],
+        "costs": job.settings["costs"]["name"],
         "character": _body_choice(job.settings["character"]),
         "genes": _gene_choice(job.settings["genes"]),
         "seed": job.seed,

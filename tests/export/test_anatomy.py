@@ -6,9 +6,10 @@ import pytest
 import torch
 
 from hopdiff.export.anatomy import SCHEMES, parts_of, renamed
-from hopdiff.export.full_body import JOINTS, full_body
+from hopdiff.export.full_body import full_body
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.skeleton import JOINTS
 from tests.export.takes import CAPTURED, captured, own
 
 

@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from hopdiff.export.body_mesh import body_mesh
-from hopdiff.export.full_body import full_skeleton
 from hopdiff.export.loft import Surface
 from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.whole_body.skeleton import full_skeleton
 from tests.builders import make_character
 from tests.export.takes import CAPTURED, captured
 

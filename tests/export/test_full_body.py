@@ -3,8 +3,9 @@ from __future__ import annotations
 import pytest
 import torch
 
-from hopdiff.export.full_body import JOINTS, full_body, full_skeleton, is_model_body
+from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.skeleton import JOINTS, full_skeleton
 from tests.builders import make_character
 from tests.export.takes import captured, own
 

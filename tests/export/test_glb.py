@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import torch
 
-from hopdiff.export.full_body import JOINTS, full_body
+from hopdiff.export.full_body import full_body
 from hopdiff.export.glb import glb_bytes, write_glb
 from hopdiff.export.prepare import in_place, with_ground_root
 from hopdiff.export.take import Take
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.skeleton import JOINTS
 from tests.export.gltf import Gltf
 from tests.export.takes import CAPTURED, captured, own
 

@@ -5,10 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from hopdiff.export.full_body import JOINTS, full_body
+from hopdiff.export.full_body import full_body
 from hopdiff.export.pose import mirrored, with_rest_pose
 from hopdiff.export.take import Take
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.skeleton import JOINTS
 from tests.export.takes import CAPTURED, captured, own
 
 HEIGHTS = {"t": 0.0, "a": -(0.5**0.5), "straight": -1.0}  # of a bone of length 1 that points along the arm

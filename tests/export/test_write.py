@@ -9,12 +9,13 @@ import pytest
 import torch
 
 from hopdiff.config import compose
-from hopdiff.export.full_body import JOINTS, full_body
+from hopdiff.export.full_body import full_body
 from hopdiff.export.prepare import prepared
 from hopdiff.export.settings import ExportSettings
 from hopdiff.export.write import distinct, plain, write_exports
 from hopdiff.io.bvh import read_bvh
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.skeleton import JOINTS
 from tests.export.gltf import Gltf
 from tests.export.takes import captured, own
 

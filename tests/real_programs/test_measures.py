@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from hopdiff.export.full_body import JOINTS, full_skeleton
 from hopdiff.export.glb import write_glb
 from hopdiff.export.take import Take
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation
+from hopdiff.whole_body.skeleton import JOINTS, full_skeleton
 from tests.builders import make_character
 
 FPS = 20.0

@@ -1,0 +1,234 @@
+"""A whole-body run as an optimisation problem: genes in, movement and cost out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from hopdiff.character import Character
+from hopdiff.effort.limits import Excess, excesses, penalty, status_of
+from hopdiff.effort.priced import Priced
+from hopdiff.effort.settings import EffortSettings
+from hopdiff.effort.terms import ORDINARY_BETA, Asked, Muscles, energy_rate, energy_ratio, terms_of
+from hopdiff.genes import GeneTable, at_froude
+from hopdiff.motion import Motion
+from hopdiff.numerics import GRAVITY
+from hopdiff.search.base import Eval
+from hopdiff.search.gradient import Gradient
+from hopdiff.search.loop import Budget, run_search
+from hopdiff.types import HopdiffError, Status
+from hopdiff.whole_body.dynamics import dynamics
+from hopdiff.whole_body.finish import stride_motion
+from hopdiff.whole_body.gait import BodyGait
+from hopdiff.whole_body.model import FINAL_ROUNDS, BodyModel
+
+CHUNK = 64  # candidates priced at once: more are slower, and need memory
+LOST = 0.05  # m and rad of the last round beyond which a candidate's cost says nothing
+LEAST_BUDGET = 1600  # evaluations for the run of least cost that the energy is told in
+SPREAD, NEAR = 0.1, 0.04  # of where searches begin, in box widths: about the table's start, about the least run
+
+
+class Least(NamedTuple):
+    """The run of least cost. genes: (G,) in the unit box, None where only its numbers were given."""
+
+    external_work: float
+    contact_time: float
+    genes: Tensor | None
+
+
+_found: dict[Any, Least] = {}  # runs of least cost by what they depend on: sweeps over beta need them again and again
+
+
+class BodyProblem:
+    """One body, one speed, one briskness. Implements `hopdiff.search.base.Problem`.
+
+    Raises HopdiffError if speed is not positive and finite, beta not in [0, 1), a setting of the costs makes no sense,
+    or no run of least cost is found.
+    """
+
+    starts = 3  # descents side by side that a search should begin with
+    screen = 18  # points that they are taken from
+
+    def __init__(
+        self,
+        character: Character,
+        table: GeneTable,
+        model: BodyModel,
+        settings: EffortSettings,
+        speed: float,
+        beta: float,
+    ) -> None:
+        if not (math.isfinite(speed) and speed > 0):
+            raise HopdiffError(f"speed must be a positive number of m/s, not {speed}.")
+        if not (math.isfinite(beta) and 0.0 <= beta < 1.0):
+            raise HopdiffError(f"beta must be at least 0 and below 1, not {beta}.")
+        _check(settings)
+        self.character, self.table, self.model, self.settings = character, table, model, settings
+        self.speed, self.beta = float(speed), float(beta)
+        self.muscles = Muscles.of(settings, character.leg_length, table.low)
+        self.pace = math.sqrt(character.leg_length / GRAVITY)
+        self.start, self.spread = table.to_unit(table.ordinary), SPREAD
+        self.swing_knee = math.radians(
+            at_froude(settings.human.swing_knee_deg, self.froude, "costs.human.swing_knee_deg")
+        )
+        self.least: Least | None = None
+        if beta != ORDINARY_BETA:
+            self.least = self._least()
+            if self.least.genes is not None:
+                self.start, self.spread = self.least.genes, NEAR
+        asked = Asked(energy_ratio(beta, settings.scale), None, None)
+        if self.least is not None:
+            asked = asked._replace(external_work=self.least.external_work, contact_time=self.least.contact_time)
+        self.terms = terms_of(settings, self.muscles, self.pace, asked, self.swing_knee)
+
+    @property
+    def dimension(self) -> int:
+        return self.table.dimension
+
+    @property
+    def dtype(self) -> torch.dtype:
+        return self.table.low.dtype
+
+    @property
+    def device(self) -> torch.device:
+        return self.table.low.device
+
+    @property
+    def froude(self) -> float:
+        """Speed over the speed sqrt(g l) of the body."""
+        return self.speed / math.sqrt(GRAVITY * self.character.leg_length)
+
+    def _least(self) -> Least:
+        """The run of least cost: given by the settings, or searched for, the same way whatever the user's search is."""
+        given = self.settings.least
+        if given.external_work is not None and given.contact_time is not None:
+            return Least(given.external_work, given.contact_time, None)
+        layout, table = self.model.layout, self.table
+        tensors = (table.low, table.high, table.ordinary, layout.masses, layout.offsets, layout.inertias)
+        key = (
+            *(tensor.detach().cpu().double().numpy().tobytes() for tensor in tensors),
+            self.speed,
+            repr(self.settings),
+            (self.model.plan.name, self.model.rounds, self.model.lame, self.model.amount),
+            (str(self.dtype), str(self.device), torch.get_num_threads()),
+        )
+        if key not in _found:
+            plain = BodyProblem(self.character, table, self.model, self.settings, self.speed, ORDINARY_BETA)
+            search = Gradient(starts=self.starts, screen=self.screen, tolerance=2e-5, patience=8)
+            try:
+                result = run_search(plain, search, Budget(LEAST_BUDGET), torch.Generator().manual_seed(0))
+            except HopdiffError as error:
+                raise HopdiffError(
+                    f"no run of least cost was found at speed={self.speed:g} for character {self.character.name!r},"
+                    f" which the energy of beta={self.beta:g} is told in: {error}"
+                ) from error
+            run = plain.run(result.best_genes.unsqueeze(0), with_grad=False)
+            _found[key] = Least(float(run.external_work()), float(run.contact_times().mean()), result.best_genes)
+        return _found[key]
+
+    def run(self, genes: Tensor, with_grad: bool) -> Priced:
+        """The solved movements of candidates (P, G) of the unit box."""
+        speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
+        movement, body, moved = self.model.solved(self.table.decode(genes), speed, with_grad)
+        return Priced(movement, body, dynamics(movement, body), moved)
+
+    def solved(self, genes: Tensor) -> Priced:
+        """The same, solved to rounding."""
+        with torch.no_grad():
+            speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
+            movement = self.model.movement(self.table.decode(genes), speed)
+            state, moved = movement.solve(FINAL_ROUNDS)
+            body = movement.body(state)
+            return Priced(movement, body, dynamics(movement, body), moved)
+
+    def energy(self, run: Priced) -> Tensor:
+        """E_r (P,): what the target beta / (1 - beta) is held against."""
+        if self.least is None:
+            return torch.full_like(run.moved, ORDINARY_BETA / (1.0 - ORDINARY_BETA))
+        return energy_rate(run.external_work() / self.least.external_work, self.settings.scale)
+
+    def price(self, run: Priced) -> tuple[Tensor, dict[str, Tensor], Tensor]:
+        """Merit (P,), its terms with their weights, and the status (P,)."""
+        terms = {term.name: term.weight * term.value(run) for term in self.terms}
+        over: list[Excess] = excesses(run, self.settings.limits)
+        terms["penalty"] = self.settings.limits.weight * penalty(over)
+        merit = torch.stack(list(terms.values())).sum(0)
+        status = status_of(over, run.moved)
+        status = torch.where(torch.isfinite(merit), status, torch.full_like(status, int(Status.NOT_FINITE)))
+        return merit, {"energy": self.energy(run), **terms}, status
+
+    def evaluate(self, genes: Tensor, with_grad: bool) -> Eval:
+        """Price candidates (P, G) of the unit box; `with_grad` adds the gradient of the merit."""
+        parts = [self._evaluated(part, with_grad) for part in genes.detach().split(CHUNK)]
+        if len(parts) == 1:
+            return parts[0]
+        joined = {name: torch.cat([part.terms[name] for part in parts]) for name in parts[0].terms}
+        grads = [part.grad for part in parts if part.grad is not None]
+        cost, merit, status = (torch.cat([getattr(p, n) for p in parts]) for n in ("cost", "merit", "status"))
+        return Eval(cost, torch.cat(grads) if grads else None, merit, joined, status)
+
+    def _evaluated(self, genes: Tensor, with_grad: bool) -> Eval:
+        if with_grad:
+            genes = genes.clone().requires_grad_(True)
+        with torch.set_grad_enabled(with_grad):
+            run = self.run(genes, with_grad)
+            merit, terms, status = self.price(run)
+            computable = torch.isfinite(merit) & (run.moved < LOST)
+            gradient = None
+            if with_grad:
+                # Candidates do not mix, so one backward pass of the sum gives every candidate's own gradient.
+                (gradient,) = torch.autograd.grad(merit[computable].sum(), genes, allow_unused=True)
+                gradient = torch.zeros_like(genes) if gradient is None else gradient
+                sound = torch.isfinite(gradient).all(-1)
+                gradient = torch.where(sound.unsqueeze(-1), gradient, 0.0)
+                computable = computable & sound
+        merit = torch.where(computable, merit.detach(), torch.inf)
+        cost = torch.where(status == int(Status.OK), merit, torch.inf)
+        return Eval(cost, gradient, merit, {k: v.detach() for k, v in terms.items()}, status)
+
+    def gait(self, genes: Tensor) -> BodyGait:
+        """The endless runs of candidates (P, G) of the unit box, to be sampled in time."""
+        speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
+        return self.model.gait(self.table.decode(genes), speed)
+
+    def motion(self, genes: Tensor, fps: float) -> Motion:
+        """One stride of a candidate (G,) at about `fps` frames/s: the nearest rate with a whole number of frames."""
+        with torch.no_grad():
+            return stride_motion(self.gait(genes.unsqueeze(0)), fps)
+
+    def told(self, settings: dict[str, Any]) -> dict[str, Any]:
+        """Settings of the costs with the numbers of the least run put in, so that a replay need not search for it."""
+        if self.least is None:
+            return settings
+        least = {"external_work": self.least.external_work, "contact_time": self.least.contact_time}
+        return {**settings, "least": least}
+
+
+def _check(settings: EffortSettings) -> None:
+    """Raises HopdiffError, naming the setting, for a number that makes no sense."""
+    limits, human = settings.limits, settings.human
+    for owner, where in ((settings, "costs"), (limits, "costs.limits"), (human, "costs.human")):
+        for name, value in vars(owner).items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise HopdiffError(f"{where}.{name} must be a finite number, not {value}.")
+    weights = ("positive_work", "negative_work", "torque", "torque_rate", "steady", "energy", "contact_cap")
+    for name in weights:
+        if getattr(settings, name) < 0:
+            raise HopdiffError(f"costs.{name} must be a number of 0 or more, not {getattr(settings, name):g}.")
+    if not 0.0 <= settings.transfer <= 1.0:
+        raise HopdiffError(f"costs.transfer must lie between 0 and 1, not {settings.transfer:g}.")
+    if not 0.0 < settings.scale <= 2.0:
+        raise HopdiffError(f"costs.scale must lie above 0 and not above 2, not {settings.scale:g}.")
+    least = settings.least
+    for name, given in vars(least).items():
+        if given is not None and not (math.isfinite(given) and given > 0):
+            raise HopdiffError(f"costs.least.{name} must be a number above 0, not {given}.")
+    if not 0.05 <= limits.friction <= 5.0:
+        raise HopdiffError(f"costs.limits.friction must lie between 0.05 and 5, not {limits.friction:g}.")
+    for name in ("knee_deg", "ankle_deg", "hip_deg", "elbow_deg"):
+        ends = getattr(limits, name)
+        if len(ends) != 2 or not ends[0] < ends[1]:
+            raise HopdiffError(f"costs.limits.{name} must be [low, high] with low < high, not {list(ends)}.")

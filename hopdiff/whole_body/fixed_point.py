@@ -1,0 +1,79 @@
+"""Solving state = round(state) for many candidates at once, and its gradient."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import torch
+from torch import Tensor
+
+MEMORY = 4  # rounds that the next guess is drawn from
+REBUILT = (0, 1, 3)  # rounds before which what a round is told is worked out anew
+
+
+class _Recent:
+    """Anderson (1965) mixing: the next guess is where the last few rounds, taken for linear, would come to rest."""
+
+    def __init__(self) -> None:
+        self.states: list[Tensor] = []
+        self.steps: list[Tensor] = []
+
+    def next(self, state: Tensor, step: Tensor) -> Tensor:
+        """states, steps: (P, K)."""
+        self.states, self.steps = [*self.states, state][-MEMORY:], [*self.steps, step][-MEMORY:]
+        if len(self.states) < 2:
+            return state + step
+        bends = torch.stack([b - a for a, b in pairwise(self.steps)], dim=-1)
+        moves = torch.stack([b - a for a, b in pairwise(self.states)], dim=-1)
+        normal = bends.transpose(1, 2) @ bends
+        size = normal.diagonal(dim1=1, dim2=2).amax(-1).clamp_min(1e-30)
+        normal = normal + 1e-10 * size[:, None, None] * torch.eye(normal.shape[-1]).to(state)
+        # A candidate that has run away must not stop the others.
+        normal = torch.where(
+            normal.isfinite().all(-1).all(-1)[:, None, None], normal, torch.eye(normal.shape[-1]).to(state)
+        )
+        shares = torch.linalg.solve(normal, bends.transpose(1, 2) @ step.unsqueeze(-1))
+        return state + step - ((moves + bends) @ shares).squeeze(-1)
+
+
+def fixed_point(
+    start: Tensor,
+    one_round: Callable[[Tensor, Any], Tensor],
+    prepare: Callable[[Tensor], Any],
+    rounds: int,
+    adjoint_rounds: int,
+) -> tuple[Tensor, Tensor]:
+    """The state (P, K) after `rounds` of `one_round`, and how far the last of them moved it (P,).
+
+    prepare: what a round is told, worked out from the state now and then. With adjoint_rounds the state carries the
+    gradient of the fixed point: the adjoint equation is solved by as many rounds of its own.
+    """
+    with torch.no_grad():
+        state = start
+        told = prepare(state)
+        moved = state.new_zeros(len(state))
+        recent = _Recent()
+        for k in range(rounds):
+            if k in REBUILT[1:]:
+                told = prepare(state)
+                recent = _Recent()
+            step = one_round(state, told) - state
+            moved = step.abs().amax(-1)
+            state = recent.next(state, step) if k + 1 < rounds else state + step
+    if not adjoint_rounds:
+        return state, moved
+    seen = state.detach().requires_grad_(True)
+    found = one_round(seen, told)
+
+    def adjoint(gradient: Tensor) -> Tensor:
+        total = gradient
+        for _ in range(adjoint_rounds):
+            (pulled,) = torch.autograd.grad(found, seen, total, retain_graph=True)
+            total = gradient + pulled
+        return total
+
+    solved: Any = found.clone()
+    solved.register_hook(adjoint)
+    return solved, moved

@@ -1,0 +1,129 @@
+"""Functions of time on the phases of a movement, each on Chebyshev nodes over its own duration.
+
+P candidates share the number of nodes of every phase, and each has its own durations, so that calculus is one product
+with a fixed matrix and one scaling.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hopdiff.numerics import (
+    chebyshev_interpolate,
+    chebyshev_nodes,
+    differentiation_matrix,
+    integration_matrix,
+)
+
+
+@lru_cache(maxsize=64)
+def _derivative(nodes: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> Tensor:
+    return torch.block_diag(*(differentiation_matrix(n, dtype, device) for n in nodes)).T.contiguous()
+
+
+@lru_cache(maxsize=64)
+def _integral(nodes: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> Tensor:
+    """(M, M) running integral from the start of the first phase, for values already scaled by the durations."""
+    rows = []
+    for k, n in enumerate(nodes):
+        own = integration_matrix(n, dtype, device)
+        before = [integration_matrix(m, dtype, device)[-1].expand(n, -1) for m in nodes[:k]]
+        after = [own.new_zeros(n, m) for m in nodes[k + 1 :]]
+        rows.append(torch.cat((*before, own, *after), dim=1))
+    return torch.cat(rows).T.contiguous()
+
+
+@lru_cache(maxsize=64)
+def _owners(nodes: tuple[int, ...], device: torch.device) -> Tensor:
+    """(M,) the phase that each node belongs to."""
+    return torch.as_tensor(np.repeat(np.arange(len(nodes)), nodes), device=device)
+
+
+@lru_cache(maxsize=64)
+def _places(nodes: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> tuple[Tensor, Tensor]:
+    """(M,) each node's place in its phase, 0 to 1, and its weight in the integral over the phase."""
+    places = torch.cat([chebyshev_nodes(n, dtype, device) for n in nodes])
+    return places, torch.cat([integration_matrix(n, dtype, device)[-1] for n in nodes])
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """nodes: how many each of the B phases has, M in all. durations: (P, B) [s].
+
+    Values have shape (P, ..., M); a phase's last node and the next one's first are the same moment.
+    """
+
+    nodes: tuple[int, ...]
+    durations: Tensor
+
+    def __post_init__(self) -> None:
+        durations = self.durations
+        places, weights = _places(self.nodes, durations.dtype, durations.device)
+        own = durations.index_select(1, _owners(self.nodes, durations.device))
+        starts = torch.cumsum(durations, dim=1) - durations
+        object.__setattr__(self, "spans", own)
+        object.__setattr__(self, "times", starts.index_select(1, _owners(self.nodes, durations.device)) + own * places)
+        object.__setattr__(self, "weights", own * weights)
+
+    spans: Tensor = None  # type: ignore[assignment]  # (P, M) duration of each node's phase [s]
+    times: Tensor = None  # type: ignore[assignment]  # (P, M) since the start of the first phase [s]
+    weights: Tensor = None  # type: ignore[assignment]  # (P, M) of the integral over all phases [s]
+
+    @property
+    def size(self) -> int:
+        return sum(self.nodes)
+
+    @property
+    def total(self) -> Tensor:
+        """(P,) duration of all phases [s]."""
+        return self.durations.sum(-1)
+
+    def slice(self, phase: int) -> slice:
+        """The nodes of a phase."""
+        first = sum(self.nodes[:phase])
+        return slice(first, first + self.nodes[phase])
+
+    def shaped(self, values: Tensor, like: Tensor) -> Tensor:
+        """(P, M) as (P, 1, ..., 1, M), to go with values of more dimensions."""
+        return values.reshape(values.shape[0], *[1] * (like.dim() - 2), values.shape[-1])
+
+    def derivative(self, values: Tensor) -> Tensor:
+        """Rate (P, ..., M) [1/s]; at the ends of a phase that of its own side."""
+        matrix = _derivative(self.nodes, values.dtype, values.device)
+        return (values @ matrix) / self.shaped(self.spans, values)
+
+    def integral(self, values: Tensor) -> Tensor:
+        """Running integral (P, ..., M) from the start of the first phase [s]."""
+        matrix = _integral(self.nodes, values.dtype, values.device)
+        return (values * self.shaped(self.spans, values)) @ matrix
+
+    def total_of(self, values: Tensor) -> Tensor:
+        """Integral (P, ...) over all phases [s]."""
+        return (values * self.shaped(self.weights, values)).sum(-1)
+
+    def mean_of(self, values: Tensor) -> Tensor:
+        """Mean (P, ...) over all phases."""
+        total = self.total_of(values)
+        return total / self.total.reshape(-1, *[1] * (total.dim() - 1))
+
+    def sample(self, values: Tensor, times: Tensor) -> Tensor:
+        """Values (P, C, T) of curves (P, C, M) at times (P, T) since the start of the first phase [s].
+
+        Times beyond the ends take the end values.
+        """
+        found = None
+        start = torch.zeros_like(self.durations[:, :1])
+        for phase in range(len(self.nodes)):
+            duration = self.durations[:, phase : phase + 1]
+            place = ((times - start) / duration).clamp(0.0, 1.0)
+            curve = values[:, :, self.slice(phase)]
+            here = chebyshev_interpolate(curve, place.unsqueeze(1).expand(-1, values.shape[1], -1))
+            found = here if found is None else torch.where((times > start).unsqueeze(1), here, found)
+            start = start + duration
+        assert found is not None
+        return found

@@ -1,0 +1,78 @@
+"""The whole-body model: genes to solved movements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from hopdiff.character import Character
+from hopdiff.whole_body.gait import BodyGait
+from hopdiff.whole_body.layout import Layout
+from hopdiff.whole_body.movement import Body, Movement
+from hopdiff.whole_body.plan import LIMP, RUN, Plan
+
+FINAL_ROUNDS = 30  # of a movement that is written
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """character: the body. rounds: of the solution, and of its adjoint. plan: which limb stands when.
+
+    lame, amount: the leg that stands shorter, and by which share of the other's contact time; 0 is no limp.
+    """
+
+    character: Character
+    rounds: int = 10
+    adjoint_rounds: int = 8
+    plan: Plan = RUN
+    lame: str = "left"
+    amount: float = 0.0
+
+    @cached_property
+    def layout(self) -> Layout:
+        return Layout.of(self.character)
+
+    @property
+    def sound(self) -> BodyModel:
+        """The same model on two equal legs."""
+        return replace(self, amount=0.0, plan=RUN) if self.amount > 0.0 else self
+
+    @classmethod
+    def limping(cls, character: Character, rounds: int, adjoint_rounds: int, lame: str, amount: float) -> BodyModel:
+        """A run on one lame leg."""
+        return cls(character, rounds, adjoint_rounds, LIMP, lame, amount)
+
+    def movement(self, genes: dict[str, Tensor], speed: Tensor) -> Movement:
+        """genes: name -> (P,) in SI units and rad. speed: (P,) [m/s]. Nothing is solved yet."""
+        if self.amount <= 0.0:
+            return Movement(self.layout, self.plan, genes, speed, self.plan.durations(genes))
+        step, contact = genes["step_time"], genes["step_time"] * genes["contact_share"]
+        # Contacts are as long on the average as without a limp, flights are equal, and feet press equally hard.
+        sound = 2.0 * contact / (2.0 - self.amount)
+        lame, flight = sound * (1.0 - self.amount), step - contact
+        left, right = (lame, sound) if self.lame == "left" else (sound, lame)
+        share = left / (left + right)
+        return Movement(
+            self.layout,
+            self.plan,
+            genes,
+            speed,
+            torch.stack((left, flight, right, flight), dim=-1),
+            torch.stack((share, 1.0 - share), dim=-1),
+        )
+
+    def solved(self, genes: dict[str, Tensor], speed: Tensor, with_grad: bool) -> tuple[Movement, Body, Tensor]:
+        """Movement, body, and how far the last round of the solution still went (P,)."""
+        movement = self.movement(genes, speed)
+        state, moved = movement.solve(self.rounds, self.adjoint_rounds if with_grad else 0)
+        return movement, movement.body(state), moved
+
+    def gait(self, genes: dict[str, Tensor], speed: Tensor) -> BodyGait:
+        """The endless runs of all candidates, solved to rounding, to be sampled in time."""
+        with torch.no_grad():
+            movement = self.movement(genes, speed)
+            state, _ = movement.solve(FINAL_ROUNDS)
+            return BodyGait.of(movement, movement.body(state))
