@@ -20,6 +20,7 @@ from hopdiff.whole_body.layout import FEET, SHANKS
 
 CONVERGED = 0.02  # m and rad that the last round of the solution may go
 TOLERANCE = 0.5  # of a unit by which a limit may be overstepped at any moment
+SOFT = {Status.JOINT_LIMIT: 1.0}  # and of those that give way: a joint's range has no hard end
 ANGLE = 0.1  # rad
 GROUND = 0.02  # leg lengths
 GRIP = 0.05  # of gravity
@@ -115,10 +116,10 @@ def penalty(found: list[Excess]) -> Tensor:
 def status_of(found: list[Excess], moved: Tensor) -> Tensor:
     """(P,) int64 status: the limit that is overstepped worst, an unsolved movement first of all."""
     asked = [one for one in found if not one.wish]
-    worst = torch.stack([one.curves.flatten(1).amax(-1) for one in asked])
+    worst = torch.stack([one.curves.flatten(1).amax(-1) / SOFT.get(one.status, TOLERANCE) for one in asked])
     largest, which = worst.max(0)
     codes = torch.tensor([int(one.status) for one in asked], device=moved.device)[which]
-    status = torch.where(largest > TOLERANCE, codes, torch.zeros_like(codes))
+    status = torch.where(largest > 1.0, codes, torch.zeros_like(codes))
     status = torch.where(largest.isfinite(), status, torch.full_like(status, int(Status.NOT_FINITE)))
     solved = moved.isfinite() & (moved < CONVERGED)
     return torch.where(solved, status, torch.full_like(status, int(Status.NOT_CLOSED)))

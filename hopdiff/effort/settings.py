@@ -20,13 +20,15 @@ class HumanSettings:
     """Wishes about posture, each with a weight; weight 0 switches a wish off. They are what people do, put in.
 
     trunk_lean_deg: mean lean of the chest. pelvis_drop_deg: by how much the swing side of the pelvis is lower in
-    mid-stance. swing_knee_deg: largest flexion in the air, a number or a table over the Froude speed.
+    mid-stance. pelvis_yaw_deg: how far the landing side of the pelvis is turned back at touchdown. swing_knee_deg: largest flexion in the air, a number or a table over the Froude speed.
     """
 
     trunk_lean_deg: float = 10.0
     trunk_lean: float = 0.0
     pelvis_drop_deg: float = 4.5
     pelvis_drop: float = 0.0
+    pelvis_yaw_deg: float = 4.0
+    pelvis_yaw: float = 0.0
     swing_knee_deg: Any = 105.0
     swing_knee: float = 0.0
 
@@ -55,8 +57,9 @@ class EffortSettings:
 
     positive_work, negative_work: of the muscles. torque: of the squares of torques over strength, per time sqrt(l/g).
     torque_rate: of the squares of their rates, over the same. transfer: share of a leg's power that passes between
-    its joints (muscles that span two), 0 to 1. steady: mean square yaw of the chest. strength: by joint, flexion, turn
-    and sideways, in m g l; null is passive. tendon: stiffness in m g l per rad.
+    its joints (muscles that span two), 0 to 1. steady: mean square yaw of the chest. strength: by joint, of flexion, turn
+    and sideways, in m g l; a pair where the two directions differ, null where an axis is passive. tendon: stiffness in m g l per rad. ankle_stiffness, ankle_rest_deg: what
+    ligaments and resting muscles hold the foot with [m g l per rad], and where (toes up positive).
     energy: of the squared relative distance from the energy target. contact_cap: of contacts longer than those of the
     least run, as squares of a tenth. scale: exponent with which the energy grows with the thesis' target.
     """
@@ -74,5 +77,7 @@ class EffortSettings:
     least: LeastSettings = field(default_factory=LeastSettings)
     human: HumanSettings = field(default_factory=HumanSettings)
     limits: BodyLimits = field(default_factory=BodyLimits)
-    strength: dict[str, list[float | None]] = field(default_factory=dict)
+    strength: dict[str, list[Any]] = field(default_factory=dict)
     tendon: dict[str, float] = field(default_factory=dict)
+    ankle_stiffness: float = 0.03
+    ankle_rest_deg: float = -12.0

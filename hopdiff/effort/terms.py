@@ -18,8 +18,10 @@ from hopdiff.effort.priced import Priced, softly_positive
 from hopdiff.effort.settings import EffortSettings
 from hopdiff.numerics import GRAVITY
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.dynamics import ANKLES
 from hopdiff.whole_body.layout import SEGMENTS
 
+TURNING = 0.1  # of the lesser strength: over what a torque passes from one direction's muscles to the other's
 POWER_WIDTH = 0.07  # W/kg over which positive and negative work pass into each other
 SHARPNESS = 30.0  # 1/rad, of the largest knee flexion
 LEG_JOINTS = slice(3, 9)  # hips, knees, ankles among the joints after the pelvis
@@ -46,25 +48,31 @@ KINDS = tuple(dict.fromkeys(JOINT_KINDS.values()))
 
 
 class Muscles(NamedTuple):
-    """strength: (S - 1, 3, 1) per mass [m^2/s^2], inf where passive. give: (S - 1, 3, 1) of tendons [s^2/m^2 rad]."""
+    """forward, backward: (S - 1, 3, 1) strength per mass in either direction of an axis [m^2/s^2], inf where passive.
+    give: (S - 1, 3, 1) of tendons [s^2/m^2 rad].
+    """
 
-    strength: Tensor
+    forward: Tensor
+    backward: Tensor
     give: Tensor
 
     @classmethod
     def of(cls, settings: EffortSettings, leg: float, like: Tensor) -> Muscles:
         """Raises HopdiffError, naming the setting, for a joint that is missing or a number that is not positive."""
         unit = GRAVITY * leg
-        rows, give = [], []
+        rows: list[list[list[float]]] = [[], []]
+        give = []
         for segment in SEGMENTS[1:]:
             kind = JOINT_KINDS[segment]
             row = list(settings.strength.get(kind, ()))
-            if len(row) != 3 or any(x is not None and not (math.isfinite(x) and x > 0) for x in row):
+            pairs = [x if isinstance(x, list) else [x, x] for x in row]
+            if len(row) != 3 or not all(len(pair) == 2 and all(map(_strength, pair)) for pair in pairs):
                 raise HopdiffError(
-                    f"costs.strength.{kind} must be three numbers above 0 (flexion, turn, sideways; null: passive),"
-                    f" not {row}."
+                    f"costs.strength.{kind} must be three entries (flexion, turn, sideways), each a number above 0, a pair"
+                    f" of them for the two directions, or null for a passive axis, not {row}."
                 )
-            rows.append([math.inf if x is None else unit * x for x in row])
+            for direction in (0, 1):
+                rows[direction].append([math.inf if pair[0] is None else unit * pair[direction] for pair in pairs])
             stiffness = settings.tendon.get(kind)
             if stiffness is not None and not (math.isfinite(stiffness) and stiffness > 0):
                 raise HopdiffError(f"costs.tendon.{kind} must be a number above 0, not {stiffness}.")
@@ -73,7 +81,17 @@ class Muscles(NamedTuple):
             for kind in given:
                 if kind not in KINDS:
                     raise HopdiffError(f"costs.{name}.{kind}: there is no such joint; joints are {', '.join(KINDS)}.")
-        return cls(like.new_tensor(rows).unsqueeze(-1), like.new_tensor(give).unsqueeze(-1))
+        forward, backward = (like.new_tensor(row).unsqueeze(-1) for row in rows)
+        return cls(forward, backward, like.new_tensor(give).unsqueeze(-1))
+
+    def strain(self, torque: Tensor, values: Tensor) -> Tensor:
+        """(P, S - 1, 3, M) squares of values over the strength in the direction of the torque."""
+        ahead = torch.sigmoid(torque / (TURNING * torch.minimum(self.forward, self.backward).clamp(max=1e3)))
+        return values**2 * (ahead / self.forward**2 + (1.0 - ahead) / self.backward**2)
+
+
+def _strength(value: object) -> bool:
+    return value is None or (isinstance(value, int | float) and math.isfinite(value) and value > 0)
 
 
 class Asked(NamedTuple):
@@ -110,15 +128,33 @@ class Term:
     put_in: str  # "effort", "energy" or "human": what kind of thing it puts in
 
 
-def muscle_power(run: Priced, muscles: Muscles, transfer: float) -> Tensor:
+class Pull(NamedTuple):
+    """What muscles do at the joints. torque, torque_rate: (P, S - 1, 3, M), of `Dynamics` less what holds passively."""
+
+    torque: Tensor
+    torque_rate: Tensor
+
+
+def muscle_pull(run: Priced, settings: EffortSettings) -> Pull:
+    """Torques of the muscles: those of the joints, less what ligaments hold the feet with."""
+    dynamics, angles = run.dynamics, run.body.angles
+    if settings.ankle_stiffness == 0.0:
+        return Pull(dynamics.torque, dynamics.torque_rate)
+    stiffness = settings.ankle_stiffness * GRAVITY * run.leg
+    bent = angles.foot - angles.thigh + angles.knee - math.radians(settings.ankle_rest_deg)
+    held = torch.zeros_like(dynamics.torque)
+    held[:, ANKLES, 0] = stiffness * bent
+    return Pull(dynamics.torque - held, dynamics.torque_rate - run.movement.grid.derivative(held))
+
+
+def muscle_power(run: Priced, pull: Pull, muscles: Muscles, transfer: float) -> Tensor:
     """(P, S - 1, 3, M) power of the muscles at every joint and axis [W/kg].
 
     Tendons in series give way: a muscle moves at the joint's rate plus torque rate over stiffness. Of the flexing
     powers of one leg the share `transfer` is evened out between hip, knee and ankle, as muscles that span two joints
     do (van Ingen Schenau 1989).
     """
-    dynamics = run.dynamics
-    power = dynamics.torque * (dynamics.rate + dynamics.torque_rate * muscles.give)
+    power = pull.torque * (run.dynamics.rate + pull.torque_rate * muscles.give)
     legs = power[:, LEG_JOINTS, 0].unflatten(1, (3, 2))
     mixed = transfer * legs.mean(1, keepdim=True) + (1.0 - transfer) * legs
     flexing = torch.cat((power[:, :3, 0], mixed.flatten(1, 2), power[:, 9:, 0]), dim=1)
@@ -136,23 +172,35 @@ def largest_swing_knee(run: Priced) -> Tensor:
 
 def mid_stance_drop(run: Priced) -> Tensor:
     """(P, C) by how much the swing side of the pelvis is lower than the other in the middle of each contact [rad]."""
-    roll = run.body.angles.pelvis[:, 1]
-    found = []
-    for k, footing in enumerate(run.movement.support.footings):
-        middle = footing.lift.shape[-1] // 2
-        signs = [roll[:, p.period] * (-1.0 if p.mirrored else 1.0) for p in run.movement.support.pieces[k]]
-        found.append(footing.side * torch.cat(signs, dim=-1)[:, middle])
-    return torch.stack(found, dim=-1)
+    return torch.stack(
+        [own[:, own.shape[-1] // 2] for own in _seen_by_limbs(run, run.body.angles.pelvis[:, 1])], dim=-1
+    )
+
+
+def touchdown_yaw(run: Priced) -> Tensor:
+    """(P, C) how far the landing side of the pelvis is turned back at each touchdown [rad]."""
+    return torch.stack([own[:, 0] for own in _seen_by_limbs(run, run.body.angles.pelvis[:, 2])], dim=-1)
+
+
+def _seen_by_limbs(run: Priced, angle: Tensor) -> list[Tensor]:
+    """A roll or yaw (P, M) over each contact (P, K), as a left limb would see it."""
+    support, found = run.movement.support, []
+    for footing, places in zip(support.footings, support.pieces, strict=True):
+        own = [angle[:, p.period] * (-1.0 if p.mirrored else 1.0) for p in places]
+        found.append(footing.side * torch.cat(own, dim=-1))
+    return found
 
 
 def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Asked, swing_knee: float) -> list[Term]:
     """The rows of the cost. pace: sqrt(l / g) [s]. swing_knee: wished for at this speed [rad]."""
 
     def power(run: Priced) -> Tensor:
-        return muscle_power(run, muscles, settings.transfer)
+        return muscle_power(run, muscle_pull(run, settings), muscles, settings.transfer)
 
-    def held(run: Priced, values: Tensor, orders: int) -> Tensor:
-        return run.per_way((values / muscles.strength) ** 2) * (GRAVITY * run.leg / pace) * pace ** (2 * orders)
+    def held(run: Priced, order: int) -> Tensor:
+        pull = muscle_pull(run, settings)
+        strain = muscles.strain(pull.torque, (pull.torque, pull.torque_rate)[order])
+        return run.per_way(strain) * (GRAVITY * run.leg / pace) * pace ** (2 * order)
 
     def over(run: Priced) -> Tensor:
         assert asked.contact_time is not None
@@ -164,7 +212,7 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
         return (run.external_work() / (asked.energy * asked.external_work) - 1.0) ** 2
 
     wish = settings.human
-    lean, drop = math.radians(wish.trunk_lean_deg), math.radians(wish.pelvis_drop_deg)
+    lean, drop, yaw = (math.radians(x) for x in (wish.trunk_lean_deg, wish.pelvis_drop_deg, wish.pelvis_yaw_deg))
     rows = [
         Term(
             "positive_work",
@@ -178,11 +226,12 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
             lambda r: r.per_way(softly_positive(-power(r), POWER_WIDTH)),
             "effort",
         ),
-        Term("torque", settings.torque, lambda r: held(r, r.dynamics.torque, 0), "effort"),
-        Term("torque_rate", settings.torque_rate, lambda r: held(r, r.dynamics.torque_rate, 1), "effort"),
+        Term("torque", settings.torque, lambda r: held(r, 0), "effort"),
+        Term("torque_rate", settings.torque_rate, lambda r: held(r, 1), "effort"),
         Term("steady", settings.steady, lambda r: r.mean((r.body.angles.chest[:, 2] / 0.1) ** 2), "effort"),
         Term("trunk_lean", wish.trunk_lean, lambda r: ((r.movement.genes["trunk_lean"] - lean) / 0.1) ** 2, "human"),
         Term("pelvis_drop", wish.pelvis_drop, lambda r: (((mid_stance_drop(r) - drop) / 0.1) ** 2).mean(-1), "human"),
+        Term("pelvis_yaw", wish.pelvis_yaw, lambda r: (((touchdown_yaw(r) - yaw) / 0.1) ** 2).mean(-1), "human"),
         Term(
             "swing_knee",
             wish.swing_knee,

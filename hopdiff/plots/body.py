@@ -57,7 +57,7 @@ class Body:
 
     Seen from the runner's right, forward is to the right and the left side is the far one; a camera sees the body
     from anywhere else. A joint belongs to a side if its name says so; the head is the end site of the joint "neck",
-    if there is one. Thickness goes with the length of limbs and trunk, so every body size looks right.
+    or of a joint "head" on it, if there is one. Thickness goes with the length of limbs and trunk, so every body size looks right.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
@@ -197,12 +197,13 @@ def _bones(skeleton: Skeleton, end_names: tuple[str, ...]) -> list[_Bone]:
     lengths = [float(offset.norm()) for offset in (*skeleton.offsets, *ends)]
     parents = [*skeleton.parents, *(skeleton.index(name) for name in end_names)]
     sides = [side_of(name) for name in (*skeleton.names, *end_names)]
-    heads = {count + i for i, name in enumerate(end_names) if name == "neck"}
+    heads = {count + i: _neck(skeleton, name) for i, name in enumerate(end_names) if _neck(skeleton, name) is not None}
+    hidden = {skeleton.index("head")} if "head" in end_names and heads else set()
 
     first = list(range(len(parents)))  # first node of the node's limb; 0 for the trunk
     before = [0.0] * len(parents)  # length of the limb up to the node
     after = [0.0] * len(parents)  # length of the limb beyond the node
-    nodes = [node for node in range(1, len(parents)) if node not in heads]
+    nodes = [node for node in range(1, len(parents)) if node not in heads and node not in hidden]
     for node in nodes:
         if sides[node] == sides[parents[node]]:
             first[node] = first[parents[node]]
@@ -211,7 +212,11 @@ def _bones(skeleton: Skeleton, end_names: tuple[str, ...]) -> list[_Bone]:
         if first[node] != node:
             after[parents[node]] = max(after[parents[node]], lengths[node] + after[node])
 
-    bones = [_Bone(parents[node], node, "middle", "head", (0.16 * lengths[node],) * 2) for node in heads]
+    bones = []
+    for node, neck in heads.items():
+        assert neck is not None
+        size = lengths[node] + (lengths[parents[node]] if parents[node] != neck else 0.0)
+        bones.append(_Bone(neck, node, "middle", "head", (0.16 * size,) * 2))
     for node in nodes:
         if first[node] == node:
             continue
@@ -221,6 +226,15 @@ def _bones(skeleton: Skeleton, end_names: tuple[str, ...]) -> list[_Bone]:
         start, end = np.interp(way, _WAY, _THICKNESS[kind]) * total
         bones.append(_Bone(parents[node], node, sides[node], kind, (float(start), float(end))))
     return bones
+
+
+def _neck(skeleton: Skeleton, end: str) -> int | None:
+    """The joint that a head begins at whose top is the end site of a joint, or None if that is no head."""
+    if end == "neck":
+        return skeleton.index(end)
+    if end == "head" and (parent := skeleton.parents[skeleton.index(end)]) >= 0 and skeleton.names[parent] == "neck":
+        return parent
+    return None
 
 
 def _girths(skeleton: Skeleton, bones: list[_Bone]) -> dict[int, _Girth]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hopdiff.whole_body.swing import MOMENTS
+from hopdiff.whole_body.swing import ANKLE_MOMENTS, MOMENTS
 
 _ANGLE = (-180.0, 180.0)
 BODY_GENES: dict[str, tuple[float, float]] = {
@@ -18,7 +18,8 @@ BODY_GENES: dict[str, tuple[float, float]] = {
     "reach_touchdown": (0.5, 0.998),
     "reach_takeoff": (0.5, 0.998),
     "step_width": (-1.0, 1.0),
-    **{f"swing_{part}_{k}": _ANGLE for part in ("thigh", "knee", "foot") for k in range(1, len(MOMENTS) + 1)},
+    **{f"swing_{part}_{k}": _ANGLE for part in ("thigh", "knee") for k in range(1, len(MOMENTS) + 1)},
+    **{f"swing_ankle_{k}": _ANGLE for k in range(1, len(ANKLE_MOMENTS) + 1)},
     "pelvis_tilt": (-90.0, 90.0),
     **{f"pelvis_{axis}_{wave}": (-90.0, 90.0) for axis in ("roll", "yaw") for wave in ("cos", "sin")},
     "trunk_lean": (-90.0, 90.0),

@@ -8,7 +8,7 @@ from torch.nn import functional
 
 from hopdiff.whole_body.grid import Grid
 from hopdiff.whole_body.support import Carried, Piece, Support, pieces
-from hopdiff.whole_body.swing import MOMENTS, swing_basis
+from hopdiff.whole_body.swing import ANKLE_MOMENTS, MOMENTS, swing_basis
 
 LONGEST, SOFT = 0.9985, 0.0015  # of the straight leg: how far a leg reaches, and over what it gets there
 SMOOTH = 1  # rates of leg angles that go on through touchdown and take-off by construction: the first
@@ -20,7 +20,7 @@ class Legs:
     def __init__(self, support: Support) -> None:
         self.support, self.layout, self.genes = support, support.layout, support.genes
         plan, durations = support.plan, support.grid.durations
-        self.swings: list[tuple[list[Piece], Tensor, Tensor, Tensor]] = []
+        self.swings: list[tuple[list[Piece], Tensor, tuple[Tensor, ...]]] = []
         self.phases: list[Tensor] = []  # 0 at take-off, 1 at touchdown, on the nodes of each swing
         for contact in plan.contacts:
             phases = plan.swing(contact)
@@ -34,17 +34,17 @@ class Legs:
                 (
                     pieces(plan, contact.limb, phases),
                     own.total,
-                    swing_basis(phase, MOMENTS, SMOOTH),
-                    swing_basis(phase, (), SMOOTH),
+                    tuple(swing_basis(phase, moments, SMOOTH) for moments in (MOMENTS, ANKLE_MOMENTS, ())),
                 )
             )
-        self.free = torch.stack(
-            [
-                torch.stack([self.genes[f"{name}_{k}"] for k in range(1, len(MOMENTS) + 1)], dim=-1)
-                for name in ("swing_thigh", "swing_knee", "swing_foot")
-            ],
-            dim=1,
-        )
+        self.free = [
+            torch.stack([self._values(name, len(moments)) for name in names], dim=1)
+            for names, moments in ((("swing_thigh", "swing_knee"), MOMENTS), (("swing_ankle",), ANKLE_MOMENTS))
+        ]
+
+    def _values(self, name: str, count: int) -> Tensor:
+        """(P, count) the genes name_1, name_2, ..."""
+        return torch.stack([self.genes[f"{name}_{k}"] for k in range(1, count + 1)], dim=-1)
 
     def angles(self, hips: Tensor, carried: Carried) -> tuple[Tensor, list[Tensor], Tensor]:
         """Angles (P, 2, 4, M) of thigh, knee, foot and tilt; reach a contact; and by how much each contact's leg is
@@ -64,19 +64,30 @@ class Legs:
             angles, distance = self._reached(line, carried.pitches[k])
             reaches.append(distance / layout.leg)
             slack.append(self._slack(line, distance, carried.pitches[k], k))
-            ends = [angles, footing.grid.derivative(angles)]
-            swing, whole, basis, plain = self.swings[k]
-            scale = [(whole**order)[:, None, None] for order in range(SMOOTH + 1)]
-            first = torch.cat([e[..., -1:] * s for e, s in zip(ends, scale, strict=True)], dim=-1)
-            last = torch.cat([e[..., :1] * s for e, s in zip(ends, scale, strict=True)], dim=-1)
-            led = torch.cat((first[:, :3], self.free, last[:, :3]), dim=-1) @ basis.transpose(-1, -2)
-            turn = torch.cat((first[:, 3:], last[:, 3:]), dim=-1) @ plain.transpose(-1, -2)
-            air = torch.cat((led, turn), dim=1)
+            swing, whole, bases = self.swings[k]
+            air = self._flown(angles, footing.grid, whole, bases)
             for values, where in ((angles, places), (air, swing)):
                 for piece in where:
                     own = values[:, :, piece.own]
                     legs[:, piece.side, :, piece.period] = own * signs if piece.mirrored else own
         return legs, reaches, torch.stack(slack, dim=1)
+
+    def _flown(self, stance: Tensor, grid: Grid, whole: Tensor, bases: tuple[Tensor, ...]) -> Tensor:
+        """Angles (P, 4, K) through the air, from those of the stance (P, 4, L). whole: (P,) duration of the swing [s].
+
+        Thigh and knee follow curves of their own; the foot hangs from the shank at the ankle's angle.
+        """
+        thigh, knee, pitch, tilt = stance.unbind(1)
+        hung = torch.stack((thigh, knee, pitch - thigh + knee, tilt), dim=1)
+        rates = grid.derivative(hung) * whole[:, None, None]
+        ends = [torch.stack((hung[..., k], rates[..., k]), dim=-1) for k in (-1, 0)]
+        parts = []
+        for rows, free, basis in zip((slice(0, 2), slice(2, 3), slice(3, 4)), (*self.free, None), bases, strict=True):
+            first, last = (end[:, rows] for end in ends)
+            middle = () if free is None else (free,)
+            parts.append(torch.cat((first, *middle, last), dim=-1) @ basis.transpose(-1, -2))
+        thigh, knee, ankle, tilt = torch.cat(parts, dim=1).unbind(1)
+        return torch.stack((thigh, knee, ankle + thigh - knee, tilt), dim=1)
 
     def _reached(self, line: Tensor, pitch: Tensor) -> tuple[Tensor, Tensor]:
         """Angles (P, 4, K) of a leg from hip to ankle along lines (P, 3, K), and their lengths (P, K) [m]."""

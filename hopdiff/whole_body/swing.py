@@ -8,7 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-MOMENTS = (0.18, 0.34, 0.5, 0.66, 0.82)  # shares of the swing at which free values are given
+MOMENTS = (0.18, 0.34, 0.5, 0.66, 0.82)  # shares of the swing at which free values of thigh and knee are given
+ANKLE_MOMENTS = (0.35, 0.7)  # and of the ankle, which hangs from the shank
 
 
 @lru_cache(maxsize=16)
