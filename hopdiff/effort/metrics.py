@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import torch
 from torch import Tensor
 
 from hopdiff.effort.priced import Priced
 from hopdiff.effort.problem import BodyProblem
-from hopdiff.effort.terms import JOINT_KINDS, energy_target
+from hopdiff.effort.terms import JOINT_KINDS, arm_swing, energy_target
 from hopdiff.motion import SIDES, Motion
 from hopdiff.numerics import GRAVITY
 from hopdiff.whole_body.finish import stride_motion
@@ -74,7 +73,7 @@ def body_metrics(problem: BodyProblem, genes: Tensor) -> dict[str, float]:
         **body_motion_metrics(motion),
         **_physics(solved),
         **_torques(solved),
-        "arm_swing_deg": _arm_swing(solved),
+        "arm_swing_deg": math.degrees(float(arm_swing(solved))),
         "stance_leg_reach": float(torch.cat(solved.body.reach, dim=-1).max()),
     }
 
@@ -209,11 +208,3 @@ def _rate_gaps(run: Priced) -> float:
     end = grid.slice(0).stop
     before, after = rates[:, end - 1], rates[:, end]
     return float(((after - before) ** 2 / (before**2 + after**2 + 1.0)).sum())
-
-
-def _arm_swing(run: Priced) -> float:
-    """Root mean square swing of both shoulders about their mean [deg]."""
-    arms: Any = run.body.angles.shoulder[0]
-    shares = run.shares[0]
-    both = arms - (arms * shares).sum(-1).mean()
-    return math.degrees(float(torch.sqrt((both**2 * shares).sum(-1).mean())))

@@ -29,6 +29,9 @@ class HumanSettings:
     pelvis_drop: float = 0.0
     pelvis_yaw_deg: float = 4.0
     pelvis_yaw: float = 0.0
+    arm_swing_deg: float = 16.0
+    arm_growth: float = 2.0
+    arm_swing: float = 0.0
     swing_knee_deg: Any = 105.0
     swing_knee: float = 0.0
 
@@ -71,8 +74,8 @@ class EffortSettings:
     torque_rate: float = 0.0032
     transfer: float = 1.0
     steady: float = 0.0
-    energy: float = 6.0
-    contact_cap: float = 8.0
+    energy: float = 200.0
+    contact_cap: float = 1.2
     scale: float = 0.15
     least: LeastSettings = field(default_factory=LeastSettings)
     human: HumanSettings = field(default_factory=HumanSettings)

@@ -31,7 +31,7 @@ LEAST_ENERGY = 0.8  # of the least run's: what no smaller target asks for
 
 # Names of joints in the settings, by segment below them.
 JOINT_KINDS = {
-    **{"waist": "waist", "chest": "chest", "head": "neck"},
+    "waist": "waist", "chest": "chest", "head": "neck",
     **{
         f"{side}_{part}": kind
         for side in ("left", "right")
@@ -182,6 +182,13 @@ def touchdown_yaw(run: Priced) -> Tensor:
     return torch.stack([own[:, 0] for own in _seen_by_limbs(run, run.body.angles.pelvis[:, 2])], dim=-1)
 
 
+def arm_swing(run: Priced) -> Tensor:
+    """(P,) root mean square swing of both shoulders about their mean [rad]."""
+    arms, shares = run.body.angles.shoulder, run.shares.unsqueeze(1)
+    mean = (arms * shares).sum(-1, keepdim=True).mean(1, keepdim=True)
+    return torch.sqrt(((arms - mean) ** 2 * shares).sum(-1).mean(-1) + 1e-9)
+
+
 def _seen_by_limbs(run: Priced, angle: Tensor) -> list[Tensor]:
     """A roll or yaw (P, M) over each contact (P, K), as a left limb would see it."""
     support, found = run.movement.support, []
@@ -213,6 +220,7 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
 
     wish = settings.human
     lean, drop, yaw = (math.radians(x) for x in (wish.trunk_lean_deg, wish.pelvis_drop_deg, wish.pelvis_yaw_deg))
+    arms = math.radians(wish.arm_swing_deg) * asked.energy**wish.arm_growth
     rows = [
         Term(
             "positive_work",
@@ -232,6 +240,7 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
         Term("trunk_lean", wish.trunk_lean, lambda r: ((r.movement.genes["trunk_lean"] - lean) / 0.1) ** 2, "human"),
         Term("pelvis_drop", wish.pelvis_drop, lambda r: (((mid_stance_drop(r) - drop) / 0.1) ** 2).mean(-1), "human"),
         Term("pelvis_yaw", wish.pelvis_yaw, lambda r: (((touchdown_yaw(r) - yaw) / 0.1) ** 2).mean(-1), "human"),
+        Term("arm_swing", wish.arm_swing, lambda r: (torch.relu(arms - arm_swing(r)) / 0.1) ** 2, "human"),
         Term(
             "swing_knee",
             wish.swing_knee,

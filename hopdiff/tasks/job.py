@@ -10,11 +10,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from hopdiff.effort.metrics import body_metrics
+from hopdiff.effort.problem import BodyProblem
 from hopdiff.export.take import Segments, Take
 from hopdiff.genes import GeneTable
 from hopdiff.geometry.clip import Clip
-from hopdiff.effort.metrics import body_metrics
-from hopdiff.effort.problem import BodyProblem
 from hopdiff.metrics import run_metrics
 from hopdiff.motion import Motion
 from hopdiff.problem import RunProblem

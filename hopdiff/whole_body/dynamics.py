@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.numerics import GRAVITY
-from hopdiff.whole_body.layout import FEET, PARENTS, THIGHS, SHANKS
+from hopdiff.whole_body.layout import FEET, PARENTS, SHANKS, THIGHS
 from hopdiff.whole_body.movement import Body, Movement
 
 
