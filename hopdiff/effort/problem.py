@@ -27,7 +27,7 @@ from hopdiff.whole_body.model import FINAL_ROUNDS, BodyModel
 
 CHUNK = 64  # candidates priced at once: more are slower, and need memory
 LOST = 0.05  # m and rad of the last round beyond which a candidate's cost says nothing
-LEAST_BUDGET = 1600  # evaluations for the run of least cost that the energy is told in
+LEAST_BUDGET = 1000  # evaluations for the run of least cost that the energy is told in
 SPREAD, NEAR = 0.1, 0.04  # of where searches begin, in box widths: about the table's start, about the least run
 
 

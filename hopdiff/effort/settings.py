@@ -42,7 +42,7 @@ class BodyLimits:
     knees, and of the ankles, sideways [leg lengths]. joint_deg: knee, ankle and hip flexion, low and high.
     """
 
-    friction: float = 0.6
+    friction: float = 0.54
     clearance: float = 0.065
     apart: float = 0.054
     flight_time: float = 0.16
@@ -51,7 +51,7 @@ class BodyLimits:
     ankle_deg: list[float] = field(default_factory=lambda: [-55.0, 32.0])
     hip_deg: list[float] = field(default_factory=lambda: [-25.0, 120.0])
     elbow_deg: list[float] = field(default_factory=lambda: [5.0, 145.0])
-    weight: float = 0.3
+    weight: float = 1.5
 
 
 @dataclass
@@ -74,7 +74,7 @@ class EffortSettings:
     torque_rate: float = 0.0032
     transfer: float = 1.0
     steady: float = 0.0
-    energy: float = 200.0
+    energy: float = 400.0
     contact_cap: float = 1.2
     scale: float = 0.15
     least: LeastSettings = field(default_factory=LeastSettings)
