@@ -113,7 +113,8 @@ def with_new_names(words: Sequence[str]) -> list[str]:
     """Words of the command line, those marked "++" whose settings need not be there before they are set.
 
     A sweep is first composed with the default search and costs, which need not have the setting of others;
-    `build_search` and `build_costs` check it. No gene is fixed, and no joint named, until the user does; `GeneTable.build` and `find_legs` check that.
+    `build_search` and `build_costs` check it. No gene is fixed, and no joint named, until the user does;
+    `GeneTable.build` and `find_legs` check that.
     """
     return [f"++{word}" if word.startswith(NEW) else word for word in words]
 

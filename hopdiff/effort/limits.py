@@ -29,12 +29,14 @@ FIRM = 0.02  # m, of body of a swinging foot over the ground, for which nothing 
 
 
 class Excess(NamedTuple):
-    """status: what is wrong where it is overstepped. curves: (P, ..., K). weights: (P, K) of their mean; None: evenly."""
+    """status: what is wrong where it is overstepped. curves: (P, ..., K). weights: (P, K) of their mean, None: evenly.
+    wish: whether it is a wish for room that is no limit.
+    """
 
     status: Status
     curves: Tensor
     weights: Tensor | None
-    wish: bool = False  # a wish for room that is no limit
+    wish: bool = False
 
 
 def excesses(run: Priced, limits: BodyLimits) -> list[Excess]:

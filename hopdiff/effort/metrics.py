@@ -109,7 +109,7 @@ def body_motion_metrics(motion: Motion) -> dict[str, float]:
         "trunk_side_range_deg": spread("trunk_side"),
         "pelvis_roll_range_deg": spread("pelvis_roll"),
         "pelvis_yaw_range_deg": spread("pelvis_yaw"),
-        "loop_error": loop_error(motion),
+        "loop_error": joint_gap(motion),
         **_feet(motion),
     }
 
@@ -120,7 +120,7 @@ def _at_takeoff(motion: Motion) -> float:
     return float(motion.angles["left_knee"][last])
 
 
-def loop_error(motion: Motion) -> float:
+def joint_gap(motion: Motion) -> float:
     """Largest difference between first and last frame, the way aside: places of joints [m]."""
     places, _ = motion.clip.forward()
     way = motion.clip.root_position[-1] - motion.clip.root_position[0]
@@ -160,6 +160,11 @@ def _feet(motion: Motion) -> dict[str, float]:
         last = ((cop - where) * heading).sum(-1) - float(tip[2])
         excess.append(float(torch.maximum(first, last)[standing].max()))
     return {"foot_slip": max(slips), "min_foot_clearance": min(lows), "cop_excess": max(*excess, 0.0)}
+
+
+def foot_slip(motion: Motion) -> float:
+    """Way of the soles' points of contact over the ground, the longest of both feet, all stances together [m]."""
+    return _feet(motion)["foot_slip"]
 
 
 HEEL_OF_BALL = 0.04 / 0.072  # how far the heel is behind the ankle, in how far the ball is ahead (whole_body.skeleton)

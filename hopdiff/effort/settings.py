@@ -20,7 +20,9 @@ class HumanSettings:
     """Wishes about posture, each with a weight; weight 0 switches a wish off. They are what people do, put in.
 
     trunk_lean_deg: mean lean of the chest. pelvis_drop_deg: by how much the swing side of the pelvis is lower in
-    mid-stance. pelvis_yaw_deg: how far the landing side of the pelvis is turned back at touchdown. swing_knee_deg: largest flexion in the air, a number or a table over the Froude speed.
+    mid-stance. pelvis_yaw_deg: how far the landing side of the pelvis is turned back at touchdown. arm_swing_deg: least
+    swing of the shoulders, root mean square, times the energy asked for, in that of the least run, to the power
+    arm_growth. swing_knee_deg: largest flexion in the air, a number or a table over the Froude speed.
     """
 
     trunk_lean_deg: float = 10.0
@@ -48,8 +50,8 @@ class BodyLimits:
     flight_time: float = 0.16
     reach: float = 0.997
     knee_deg: list[float] = field(default_factory=lambda: [4.0, 145.0])
-    ankle_deg: list[float] = field(default_factory=lambda: [-55.0, 32.0])
-    hip_deg: list[float] = field(default_factory=lambda: [-25.0, 120.0])
+    ankle_deg: list[float] = field(default_factory=lambda: [-30.0, 32.0])
+    hip_deg: list[float] = field(default_factory=lambda: [-28.0, 120.0])
     elbow_deg: list[float] = field(default_factory=lambda: [5.0, 145.0])
     weight: float = 1.5
 
@@ -60,9 +62,10 @@ class EffortSettings:
 
     positive_work, negative_work: of the muscles. torque: of the squares of torques over strength, per time sqrt(l/g).
     torque_rate: of the squares of their rates, over the same. transfer: share of a leg's power that passes between
-    its joints (muscles that span two), 0 to 1. steady: mean square yaw of the chest. strength: by joint, of flexion, turn
-    and sideways, in m g l; a pair where the two directions differ, null where an axis is passive. tendon: stiffness in m g l per rad. ankle_stiffness, ankle_rest_deg: what
-    ligaments and resting muscles hold the foot with [m g l per rad], and where (toes up positive).
+    its joints (muscles that span two), 0 to 1. steady: mean square yaw of the chest. strength: by joint, of flexion,
+    turn and sideways, in m g l; a pair where the two directions differ, null where an axis is passive. tendon:
+    stiffness in m g l per rad. ankle_stiffness, ankle_rest_deg: what ligaments and resting muscles hold the foot with
+    [m g l per rad], and where (toes up positive).
     energy: of the squared relative distance from the energy target. contact_cap: of contacts longer than those of the
     least run, as squares of a tenth. scale: exponent with which the energy grows with the thesis' target.
     """
@@ -70,10 +73,10 @@ class EffortSettings:
     name: str = "effort"
     positive_work: float = 4.0
     negative_work: float = 0.8333333333333334
-    torque: float = 0.096
-    torque_rate: float = 0.0032
+    torque: float = 0.07
+    torque_rate: float = 0.0024
     transfer: float = 1.0
-    steady: float = 0.0
+    steady: float = 0.03
     energy: float = 400.0
     contact_cap: float = 1.2
     scale: float = 0.15

@@ -31,7 +31,9 @@ LEAST_ENERGY = 0.8  # of the least run's: what no smaller target asks for
 
 # Names of joints in the settings, by segment below them.
 JOINT_KINDS = {
-    "waist": "waist", "chest": "chest", "head": "neck",
+    "waist": "waist",
+    "chest": "chest",
+    "head": "neck",
     **{
         f"{side}_{part}": kind
         for side in ("left", "right")
@@ -68,8 +70,8 @@ class Muscles(NamedTuple):
             pairs = [x if isinstance(x, list) else [x, x] for x in row]
             if len(row) != 3 or not all(len(pair) == 2 and all(map(_strength, pair)) for pair in pairs):
                 raise HopdiffError(
-                    f"costs.strength.{kind} must be three entries (flexion, turn, sideways), each a number above 0, a pair"
-                    f" of them for the two directions, or null for a passive axis, not {row}."
+                    f"costs.strength.{kind} must be three entries (flexion, turn, sideways), each a number above 0, a"
+                    f" pair of them for the two directions, or null for a passive axis, not {row}."
                 )
             for direction in (0, 1):
                 rows[direction].append([math.inf if pair[0] is None else unit * pair[direction] for pair in pairs])

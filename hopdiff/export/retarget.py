@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -71,7 +72,7 @@ def retargeted(take: Take, target: Target) -> Take:
     numbers = {name: value for name, value in take.numbers.items() if name in TIMES}
     numbers |= {name: ratio * take.numbers[name] for name in LENGTHS if isinstance(take.numbers.get(name), float)}
     numbers |= {"body": Path(target.name).name, "leg_ratio": ratio}
-    unknown = dict.fromkeys(("com", "leg_force", "masses", "force", "cop", "segments"))
+    unknown: dict[str, Any] = dict.fromkeys(("com", "leg_force", "masses", "force", "cop", "segments"))
     found = replace(take, clip=clip, feet=feet, numbers=numbers, **unknown)
     return with_way_on_root(found, target.parts["pelvis"]) if _ground_root(target) else found
 

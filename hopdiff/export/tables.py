@@ -165,8 +165,10 @@ def _take(arrays: dict[str, NDArray[Any]]) -> Take:
         masses = dict(zip(arrays["segments"].tolist(), arrays["masses"].tolist(), strict=True))
     if "inertias" in arrays:
         joints = tuple(str(name) for name in arrays["segments"])
-        values = [torch.from_numpy(arrays[name].astype(np.float64)) for name in ("masses", "centres", "inertias")]
-        segments = Segments(joints, *values, given("heel"))
+        own, centres, inertias = (
+            torch.from_numpy(arrays[name].astype(np.float64)) for name in ("masses", "centres", "inertias")
+        )
+        segments = Segments(joints, own, centres, inertias, given("heel"))
     take = Take(str(arrays["name"]), clip, bool(arrays["loop"]), numbers=json.loads(str(arrays["numbers"])))
     return replace(
         take,
@@ -184,7 +186,8 @@ def _take(arrays: dict[str, NDArray[Any]]) -> Take:
 def ground_force(take: Take) -> Tensor | None:
     """(T, 2) vertical part of the ground force on each foot [N], or None where it is not known.
 
-    Where only the force along the legs is known, a leg pushes along the line from the contact point to the hip (Kang 1999, section 3.1, one-leg hopper).
+    Where only the force along the legs is known, a leg pushes along the line from the contact point to the
+    hip (Kang 1999, section 3.1, one-leg hopper).
     """
     if take.force is not None:
         return take.force[..., 1]

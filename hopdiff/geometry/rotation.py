@@ -37,6 +37,21 @@ def rotation_about(axis: Tensor, angle: Tensor) -> Tensor:
     return torch.eye(3, dtype=axis.dtype, device=axis.device) + s * cross + (1.0 - c) * (cross @ cross)
 
 
+def from_vector(vector: Tensor) -> Tensor:
+    """(..., 3, 3) rotations about vectors (..., 3) by their lengths [rad]."""
+    angle = vector.norm(dim=-1)
+    return rotation_about(vector / angle.clamp_min(1e-30).unsqueeze(-1), angle)
+
+
+def to_vector(matrix: Tensor) -> Tensor:
+    """(..., 3) the vectors [rad] that `from_vector` makes rotations (..., 3, 3) of, for turns below half a circle."""
+    twist = matrix - matrix.transpose(-1, -2)
+    axis = 0.5 * torch.stack((twist[..., 2, 1], twist[..., 0, 2], twist[..., 1, 0]), dim=-1)
+    sine = axis.norm(dim=-1, keepdim=True)
+    cosine = 0.5 * (matrix.diagonal(dim1=-2, dim2=-1).sum(-1, keepdim=True) - 1.0)
+    return axis * torch.where(sine > 1e-12, torch.atan2(sine, cosine) / sine.clamp_min(1e-30), torch.ones_like(sine))
+
+
 def between_directions(a: Tensor, b: Tensor) -> Tensor:
     """(..., 3, 3) the least rotations that take directions (..., 3), of any length but 0, into others."""
     a, b = functional.normalize(a, dim=-1), functional.normalize(b, dim=-1)

@@ -57,7 +57,8 @@ class Body:
 
     Seen from the runner's right, forward is to the right and the left side is the far one; a camera sees the body
     from anywhere else. A joint belongs to a side if its name says so; the head is the end site of the joint "neck",
-    or of a joint "head" on it, if there is one. Thickness goes with the length of limbs and trunk, so every body size looks right.
+    or of a joint "head" on it, if there is one. Thickness goes with the length of limbs and trunk, so every body size
+    looks right.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:

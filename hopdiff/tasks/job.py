@@ -47,8 +47,8 @@ class Run:
     """A run that was found or replayed.
 
     genes: value by name, in the units of the gene table. metrics: what metrics.json holds, SI units. masses: of the
-    eleven segments of the character by joint [kg]; segments: those that the motion moves. history: one row a step of the search, none for a replay. interrupted: whether the
-    user broke the search off.
+    eleven segments of the character by joint [kg]; segments: those that the motion moves. history: one row a step of
+    the search, none for a replay. interrupted: whether the user broke the search off.
     """
 
     motion: Motion

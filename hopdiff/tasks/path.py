@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from hopdiff import costs
+from hopdiff.effort.metrics import foot_slip
+from hopdiff.effort.problem import BodyProblem
 from hopdiff.genes import FROUDE_RANGE
 from hopdiff.geometry.curve import PlaneCurve, curve_through
 from hopdiff.io.points import read_points
 from hopdiff.io.record import prepare_folder, write_table
 from hopdiff.metrics import loop_error, stance_foot_drift
 from hopdiff.models.course import run_along, turning_lean
-from hopdiff.models.gait import stride_time
 from hopdiff.motion import Motion
 from hopdiff.numerics import GRAVITY
 from hopdiff.plots.animation import write_path_gif
@@ -29,6 +30,7 @@ from hopdiff.tasks.job import Job, Run, make_run
 from hopdiff.tasks.results import Figures, search_figures, shown, write_motion, write_numbers, write_pictures
 from hopdiff.tasks.run import searched
 from hopdiff.types import HopdiffError
+from hopdiff.whole_body.course import Course
 
 HOLD = 1.0  # of gravity: what a foot on level ground can push sideways
 MAX_FRAMES = 100_000
@@ -140,9 +142,10 @@ def run_path(job: Job, route: Route, folder: Path, command: list[str]) -> bool:
     Raises HopdiffError if no valid candidate turned up, whole strides do not fit, or a turn is out of a leg's reach;
     nothing is written then.
     """
-    if "duty_factor" in job.settings["genes"]["fixed"]:
+    if (cadence := cadence_gene(job.problem)) in job.settings["genes"]["fixed"]:
         raise HopdiffError(
-            "genes.fixed.duty_factor cannot be set with task=path: whole strides fill path.time by the duty factor."
+            f"genes.fixed.{cadence} cannot be set with task=path: whole strides fill path.time by the"
+            f" {cadence.replace('_', ' ')}."
         )
     prepare_folder(folder)
     run = path_run(job, route, searched(job))
@@ -158,10 +161,9 @@ def path_run(job: Job, route: Route, result: SearchResult) -> Run:
     """
     genes, strides = whole_strides(job.problem, result.best_genes, route.time)
     run = make_run(job, genes, result)
-    gait = job.problem.gait(genes.unsqueeze(0))
     with torch.no_grad():
-        motion = run_along(gait, route.curve, strides, route.time, job.fps, route.max_lean)
-        before = float(stride_time(job.problem.gait(result.best_genes.unsqueeze(0))))
+        motion = led_along(job.problem, genes, route, strides, job.fps)
+        before = float(stride_times(job.problem, result.best_genes.unsqueeze(0)))
     # The thesis model counts whole frames, so that its strides are stretched by what is left.
     stride = route.time / strides
     made = {"stride_time": stride, "step_frequency": 2.0 / stride, "stride_adjustment": stride / before - 1.0}
@@ -169,19 +171,45 @@ def path_run(job: Job, route: Route, result: SearchResult) -> Run:
     return replace(run, motion=motion, metrics=metrics)
 
 
-def whole_strides(problem: RunProblem, genes: Tensor, time: float) -> tuple[Tensor, int]:
+def cadence_gene(problem: RunProblem | BodyProblem) -> str:
+    """The gene by which strides are made to fill a time."""
+    return "step_time" if isinstance(problem, BodyProblem) else "duty_factor"
+
+
+def stride_times(problem: RunProblem | BodyProblem, genes: Tensor) -> Tensor:
+    """(P,) duration of the strides of candidates (P, G) [s]."""
+    with torch.no_grad():
+        if isinstance(problem, BodyProblem):
+            speed = torch.full((len(genes),), problem.speed).to(genes)
+            movement = problem.model.movement(problem.table.decode(genes), speed)
+            return movement.grid.total * (2.0 if movement.plan.mirrored else 1.0)
+        return 2.0 * costs.step_time(problem.trajectory(genes))
+
+
+def led_along(problem: RunProblem | BodyProblem, genes: Tensor, route: Route, strides: int, fps: float) -> Motion:
+    """The motion of a candidate (G,) along a route."""
+    if isinstance(problem, BodyProblem):
+        lean = turning_lean(route.curve, strides, route.time, route.max_lean)
+        return Course(problem.gait(genes.unsqueeze(0)), route.curve, strides, route.time, lean).motion(fps)
+    gait = problem.gait(genes.unsqueeze(0))
+    return run_along(gait, route.curve, strides, route.time, fps, route.max_lean)
+
+
+def whole_strides(problem: RunProblem | BodyProblem, genes: Tensor, time: float) -> tuple[Tensor, int]:
     """Genes (G,) of the unit box whose strides fill a time [s], and how many they are.
 
-    Only the duty factor is changed: contact stays, flight becomes longer or shorter. Of the numbers of strides that
-    are possible the one with the least cost is taken. Raises HopdiffError if there is none.
+    Only one gene is changed: of the whole body the step time, else the duty factor (contact stays, flight becomes
+    longer or shorter). Of the numbers of strides that are possible the one with the least cost is taken. Raises
+    HopdiffError if there is none.
     """
-    index = problem.table.names.index("duty_factor")
+    index = problem.table.names.index(cadence_gene(problem))
     share = torch.linspace(0.0, 1.0, CADENCES).to(genes)
     tried = genes.expand(CADENCES, -1).clone()
     tried[:, index] = share
-    with torch.no_grad():
-        lasting = 2.0 * costs.step_time(problem.trajectory(tried))
-    # The stride shortens as the duty factor grows.
+    lasting = stride_times(problem, tried)
+    # The stride shortens as the duty factor grows, and gets longer with the step time.
+    if bool(lasting[-1] > lasting[0]):
+        share, lasting = share.flip(0), lasting.flip(0)
     shares = share.cpu().double().numpy()[::-1]
     durations = np.maximum.accumulate(np.nan_to_num(lasting.cpu().double().numpy()[::-1]))
     least, most = math.ceil(time / durations[-1]), math.floor(time / durations[0])
@@ -205,6 +233,7 @@ def path_metrics(route: Route, motion: Motion, strides: int) -> dict[str, Any]:
     arc = torch.linspace(0.0, route.curve.length, 2000, dtype=torch.float64)
     lean = turning_lean(route.curve, strides, route.time, route.max_lean)(arc)
     root = motion.clip.root_position
+    whole = motion.force is not None
     found = {
         "path_length": route.curve.length,
         "path_time": route.time,
@@ -212,7 +241,7 @@ def path_metrics(route: Route, motion: Motion, strides: int) -> dict[str, Any]:
         "strides": strides,
         "min_radius": route.tightest()[0],
         "max_lean_deg": math.degrees(float(lean.abs().max())),
-        "foot_slide_max": stance_foot_drift(motion),
+        "foot_slide_max": foot_slip(motion) if whole else stance_foot_drift(motion),
         "min_foot_clearance": float(motion.feet[..., 1].min()),
         "frames": motion.clip.frames,
         "frame_time": motion.clip.frame_time,

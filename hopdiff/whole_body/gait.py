@@ -183,7 +183,12 @@ class BodyGait:
             0.5 * (pelvis + chest),
             chest,
             torch.zeros_like(chest),
-            *(pair(name) for name in ("thigh", "knee", "foot", "tilt", "shoulder", "elbow")),
+            pair("thigh"),
+            pair("knee"),
+            pair("foot"),
+            pair("tilt"),
+            pair("shoulder"),
+            pair("elbow"),
             self.abduction,
             self.inward,
         )

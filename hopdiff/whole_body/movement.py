@@ -128,7 +128,8 @@ class Movement:
             none,
             none,
             none,
-            *self.arms,
+            self.arms[0],
+            self.arms[1],
             genes["arm_abduction"],
             genes["arm_inward"],
         )
