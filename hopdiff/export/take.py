@@ -29,8 +29,9 @@ PLACES = ("feet", "com", "cop")  # fields that are points in the world
 class Segments:
     """The rigid parts of a body.
 
-    joints: (S,) that carry them. masses: (S,) [kg]. centres: (S, 3) of mass in the joints' frames [m]. inertias: (S, 3) principal moments about them, along the frames' axes [kg m^2]. heel: (3,) from the
-    ankle of a level foot [m], None for a body without feet.
+    joints: (S,) that carry them. masses: (S,) [kg]. centres: (S, 3) of mass in the joints' frames [m]. inertias: (S, 3)
+    principal moments about them, along the frames' axes [kg m^2]. heel: (3,) from the ankle of a level foot [m], None
+    for a body without feet.
     """
 
     joints: tuple[str, ...]

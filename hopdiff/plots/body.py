@@ -12,6 +12,7 @@ from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.plots.joints import points_of, side_of
 from hopdiff.plots.view import Array, Camera
+from hopdiff.whole_body.skeleton import BALL, HEEL
 
 # Half thickness along a limb or the trunk, in limb or trunk lengths, at 0, 1/2 and 1 of the way.
 _THICKNESS = {"leg": (0.085, 0.055, 0.028), "arm": (0.078, 0.055, 0.036), "trunk": (0.19, 0.17, 0.16)}
@@ -68,6 +69,7 @@ class Body:
         self._bones = sorted(bones, key=lambda bone: _DEPTH[f"{_layer(bone.side)} {bone.kind}"])
         self._sides = [side_of(name) for name in (*self.joint_names, *self.end_names)]
         self._girths = _girths(skeleton, bones)
+        self._heels = _heels(skeleton)
 
     def points(self, clip: Clip) -> Array:
         """(T, J + E, 3) world positions of the joints and, after them, the end sites [m]."""
@@ -87,8 +89,21 @@ class Body:
             if bone.kind == "head":
                 parts += _head(flat, bone)
             else:
-                parts.append(Part(bone.side, capsule(start, end, *bone.radii)))
+                heel = self._heel(points, bone.end)
+                outline = capsule(start, end, *bone.radii) if heel is None else _foot(start, heel[[2, 1]], end, bone)
+                parts.append(Part(bone.side, outline))
         return parts
+
+    def _heel(self, points: Array, toe: int) -> Array | None:
+        """Where the heel is (3,) of the foot that ends at a toe joint; None where the skeleton has no such foot."""
+        if toe not in self._heels:
+            return None
+        knee, ankle, along, across = self._heels[toe]
+        forward = points[toe] - points[ankle]
+        forward = forward / max(float(np.linalg.norm(forward)), 1e-9)
+        left = np.cross(points[knee] - points[ankle], forward)
+        down = np.cross(left / max(float(np.linalg.norm(left)), 1e-9), forward)
+        return np.asarray(points[ankle] + along * forward + across * down)
 
     def _seen(self, points: Array, camera: Camera) -> list[Part]:
         flat, near = camera.project(points)[:, :2], camera.nearness(points)
@@ -99,6 +114,8 @@ class Body:
             if bone.side == "middle":
                 continue
             outline = capsule(flat[bone.start], flat[bone.end], *bone.radii)
+            if (heel := self._heel(points, bone.end)) is not None:
+                outline = _foot(flat[bone.start], camera.project(heel[None])[0, :2], flat[bone.end], bone)
             found.append((float(near[[bone.start, bone.end]].mean()), Part(bone.side, outline)))
         return [part for _, part in sorted(found, key=lambda item: item[0])]
 
@@ -121,8 +138,12 @@ class Body:
     def lines(self, points: Array, side: str, arms: bool = True) -> list[Array]:
         """Centre lines (2, 2) of the bones of a side, for thin stick figures."""
         flat = points[:, [2, 1]]
-        bones = (bone for bone in self._bones if bone.side == side and (arms or bone.kind != "arm"))
-        return [np.stack((flat[bone.start], flat[bone.end])) for bone in bones]
+        bones = [bone for bone in self._bones if bone.side == side and (arms or bone.kind != "arm")]
+        found = [np.stack((flat[bone.start], flat[bone.end])) for bone in bones]
+        for bone in bones:
+            if (heel := self._heel(points, bone.end)) is not None:
+                found += [np.stack((flat[node], heel[[2, 1]])) for node in (bone.start, bone.end)]
+        return found
 
 
 def capsule(start: Array, end: Array, radius_start: float, radius_end: float, corners: int = 12) -> Array:
@@ -181,6 +202,31 @@ def _ring(girth: _Girth, flat: Array, wide: Array) -> Array:
         circles.append(_circle(spine + _ROOT * (flat[root] - spine), radius))
         circles.append(_circle(spine + way * (flat[root] - spine), thickness * girth.radius))
     return np.concatenate(circles)
+
+
+def _foot(ankle: Array, heel: Array, ball: Array, bone: _Bone) -> Array:
+    """Outline (K, 2) of a foot from its points in the picture; heel and ball stand on their circles' lowest points."""
+    radius = 0.5 * bone.radii[1]
+    lift = np.array([0.0, radius])
+    circles = ((ankle, bone.radii[0]), (heel + lift, radius), (ball + lift, radius))
+    return hull(np.concatenate([_circle(centre, size) for centre, size in circles]))
+
+
+def _heels(skeleton: Skeleton) -> dict[int, tuple[int, int, float, float]]:
+    """Toe joint -> knee, ankle, and how far the heel is from the ankle along the line to the toe joint and, in the
+    plane of shank and foot, across it [m]."""
+    found = {}
+    for side in _SIGN:
+        names = [f"{side}_{part}" for part in ("knee", "ankle", "toe")]
+        if not all(name in skeleton.names for name in names):
+            continue
+        knee, ankle, toe = (skeleton.index(name) for name in names)
+        _, down, ahead = (float(x) for x in skeleton.offsets[toe])
+        length = float(np.hypot(down, ahead))
+        back = -HEEL / BALL * ahead
+        if length > 0.0:
+            found[toe] = (knee, ankle, (down * down + back * ahead) / length, (ahead * -down + back * down) / length)
+    return found
 
 
 def _layer(side: str) -> str:
