@@ -16,7 +16,7 @@ MEGABYTE = 1024.0  # ru_maxrss counts kilobytes on Linux
 def measure(dtype: str, size: int, rounds: int) -> tuple[float, float, float]:
     """Median seconds of a value and of a value with gradient, and megabytes that the process grew by."""
     torch.set_num_threads(1)
-    problem = build_job(compose([f"dtype={dtype}"])).problem
+    problem = build_job(compose(["model=smooth", f"dtype={dtype}"])).problem
     genes = torch.rand(size, problem.dimension, dtype=problem.dtype, generator=torch.Generator().manual_seed(0))
     problem.evaluate(genes[:1], with_grad=True)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

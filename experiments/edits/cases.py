@@ -61,5 +61,5 @@ def clips(folder: Path | None) -> dict[str, Clip]:
     """The BVH files of a folder by name; without one, six strides of a run of our own."""
     if folder is not None:
         return {file.stem: read_bvh(file).clip() for file in sorted(folder.glob("*.bvh"))}
-    job = build_job(compose(["speed=3", "beta=0.2", "search=ordinary"]))
+    job = build_job(compose(["model=smooth", "speed=3", "beta=0.2", "search=ordinary"]))
     return {OWN: repeated(search_run(job).clip, 6)}

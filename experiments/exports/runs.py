@@ -31,10 +31,11 @@ def presets() -> dict[str, ExportSettings]:
 
 
 def own_runs(evaluations: int, path: bool = True) -> dict[str, Take]:
-    """Runs of our own by name: a jog, a brisk run and, if wanted, a run along a path. evaluations: of each search."""
+    """Runs of the smooth model by name: a jog, a brisk run and, if wanted, one along a path. evaluations: of a search."""
     found = {}
     for name, speed, beta in (("jog", 3.0, 0.2), ("brisk", 5.0, 0.7)):
-        job = build_job(compose([f"speed={speed}", f"beta={beta}", f"budget.evaluations={evaluations}"]))
+        asked = ["model=smooth", f"speed={speed}", f"beta={beta}", f"budget.evaluations={evaluations}"]
+        job = build_job(compose(asked))
         found[name] = replace(search_run(job).take(), name=name)
     if path:
         found["path"] = path_run(evaluations)
@@ -42,8 +43,8 @@ def own_runs(evaluations: int, path: bool = True) -> dict[str, Take]:
 
 
 def path_run(evaluations: int) -> Take:
-    """The run of +experiment=path."""
-    config = compose(["+experiment=path", f"budget.evaluations={evaluations}"])
+    """The run of +experiment=path model=smooth."""
+    config = compose(["+experiment=path", "model=smooth", f"budget.evaluations={evaluations}"])
     route = build_route(config)
     config.speed = route.speed
     job = build_job(config)

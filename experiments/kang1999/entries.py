@@ -18,7 +18,7 @@ OURS = ("model=smooth", "costs=default", "search=gradient")
 # As it was drawn, with the same fixed genes and without a search: the model alone differs.
 SMOOTH = ("model=smooth", "costs=default")
 
-SLOW = ("speed=3.5", "beta=0.2")
+SLOW = ("model=smooth", "speed=3.5", "beta=0.2")
 
 BODY_TABLE = (
     ("contact_time", "contact s", ".3f"),

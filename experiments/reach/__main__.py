@@ -1,4 +1,4 @@
-"""Does the default search keep its promises? python -m experiments.reach"""
+"""Does the default search keep its promises with the smooth model? python -m experiments.reach"""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def runs(options: argparse.Namespace) -> list[Row]:
 
 def measured(speed: float, beta: float, seed: int, chosen: dict[str, Any]) -> Row:
     """The metrics of one run; `travel` is the speed at which the finished clip moves."""
-    run = hopdiff.generate(speed, beta, seed=seed, **chosen)
+    run = hopdiff.generate(speed, beta, seed=seed, model="smooth", **chosen)
     clip = run.clip
     travel = (clip.root_position[-1, 2] - clip.root_position[0, 2]) / (clip.frame_time * (clip.frames - 1))
     return {**{name: float(run.metrics[name]) for name in KEPT}, "travel": float(travel)}

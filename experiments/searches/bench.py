@@ -55,8 +55,13 @@ def overrides(search: str) -> list[str]:
     return [f"search={name}", *(f"search.{change}" for change in changes)]
 
 
+def settings(case: Case) -> list[str]:
+    """Of the smooth model."""
+    return ["model=smooth", f"speed={case.speed}", f"beta={case.beta}", f"character={case.character}"]
+
+
 def build_problem(case: Case) -> RunProblem:
-    return build_job(compose([f"speed={case.speed}", f"beta={case.beta}", f"character={case.character}"])).problem
+    return build_job(compose(settings(case))).problem
 
 
 def gradient_prices(problem: RunProblem, repeats: int) -> list[tuple[int, float, float]]:
@@ -101,8 +106,7 @@ def run_all(
 
 def run_one(search: str, case: Case, seed: int, budget: Budget) -> list[Point]:
     """The trace of one search. Time is that of the process, which other programs do not disturb."""
-    settings = [f"speed={case.speed}", f"beta={case.beta}", f"character={case.character}", *overrides(search)]
-    job = build_job(compose(settings))
+    job = build_job(compose([*settings(case), *overrides(search)]))
     points: list[Point] = []
     started = process_time()
 

@@ -74,7 +74,7 @@ class EffortSettings:
     positive_work: float = 4.0
     negative_work: float = 0.8333333333333334
     torque: float = 0.07
-    torque_rate: float = 0.0024
+    torque_rate: float = 0.0018
     transfer: float = 1.0
     steady: float = 0.03
     energy: float = 400.0
