@@ -32,10 +32,10 @@ def generate(
 ) -> Run:
     """Search for a run and return it: `.clip`, `.genes`, `.metrics`, `.motion`, `.history`. Writes no file.
 
-    speed [m/s]; beta in [0, 1), 0.2 is ordinary running; fps [frames/s]; evaluations: what the search may spend,
+    speed [m/s]; beta in [0, 1), 0.2 is the run of least effort; fps [frames/s]; evaluations: what the search may spend,
     None: what suits the model.
     search, character, model: names of files in conf/. settings: any others, written as on the command line
-    ("costs.leg_force=0.1", "search.population=50").
+    ("costs.torque=0.1", "search.population=50").
     Raises HopdiffError with one sentence if a setting cannot be, or if no valid candidate turned up.
     """
     chosen = [

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.ticker import MultipleLocator
 
-from hopdiff.motion import Motion
+from hopdiff.motion import SIDES, Motion
 from hopdiff.plots import style
 from hopdiff.plots.body import Array, Body
 from hopdiff.plots.poses import Moment, contact_points, key_moments, sample
@@ -33,6 +33,7 @@ def strip_figure(motion: Motion, title: str = "") -> Figure:
     body = Body(motion.clip.skeleton)
     times = motion.times.detach().cpu().double().numpy()
     points = body.points(motion.clip)
+    feet = motion.feet.detach().cpu().double().numpy()
     moments = key_moments(motion)
     figures = sample(times, points, [moment.time for moment in moments])
     shifts = _spread(figures)
@@ -60,7 +61,8 @@ def strip_figure(motion: Motion, title: str = "") -> Figure:
         draw_body(upper, body, pose, shift)
         _label(upper, moment, _centre(pose) + shift)
         if moment.carries:
-            _contact_mark(upper, _foot(body, pose, moment.side) + shift, moment.side)
+            place = sample(times, feet[:, SIDES.index(moment.side)], [moment.time])[0]
+            _contact_mark(upper, float(place[2]) + shift, moment.side)
 
     lower = figure.add_axes(((1 - share) / 2, _BELOW / height, share, middle / height))
     _trace(lower, motion, body, times, points)
@@ -90,14 +92,6 @@ def _spread(figures: Array) -> Array:
 
 def _centre(pose: Array) -> float:
     return float((pose[:, 2].min() + pose[:, 2].max()) / 2)
-
-
-def _foot(body: Body, pose: Array, side: str) -> float:
-    """Forward place of the lowest end site of a side."""
-    count = len(body.joint_names)
-    ends = [count + i for i, name in enumerate(body.end_names) if side in name.lower()]
-    lowest = min(ends, key=lambda i: float(pose[i, 1])) if ends else int(pose[:, 1].argmin())
-    return float(pose[lowest, 2])
 
 
 def _ground(axes: Axes, low: float, high: float, top: float) -> None:
