@@ -17,6 +17,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from hopdiff.character import Character, CharacterSettings
+from hopdiff.choices import build_costs, build_search
 from hopdiff.costs import CostSettings
 from hopdiff.effort.problem import BodyProblem
 from hopdiff.effort.settings import EffortSettings
@@ -29,7 +30,6 @@ from hopdiff.models.base import ModelSettings
 from hopdiff.models.limp import LimpSettings
 from hopdiff.problem import RunProblem
 from hopdiff.search import SEARCHES
-from hopdiff.search.base import Search
 from hopdiff.search.loop import Budget
 from hopdiff.tasks.edit_request import EditSettings, Request, TargetSettings, request_of
 from hopdiff.tasks.export import Exports, RetargetSettings
@@ -305,35 +305,3 @@ def build_device(name: str, dtype: torch.dtype) -> torch.device:
         there += ["mps"] if torch.backends.mps.is_available() else []
         raise HopdiffError(f"device {name!r} cannot be used here: choose one of {', '.join(there)}.") from error
     return device
-
-
-def build_search(settings: Mapping[str, Any]) -> Search:
-    """The search that `name` stands for. Raises HopdiffError for an unknown name or setting, or a wrong value."""
-    name = choose("search.name", str(settings.get("name")), SEARCHES)
-    search: Search = _structured("search", name, SEARCHES[name], settings)
-    return search
-
-
-def build_costs(settings: Mapping[str, Any], model: str) -> CostSettings | EffortSettings:
-    """The costs of a model. Raises HopdiffError for those of another one, an unknown setting, or a wrong value."""
-    name, whole = str(settings.get("name")), "positive_work" in settings
-    if whole != (model == "body"):
-        fitting = "human or effort" if model == "body" else "default or thesis"
-        raise HopdiffError(f"costs={name} cannot judge runs of model={model}: take costs={fitting}.")
-    costs: CostSettings | EffortSettings = _structured(
-        "costs", name, EffortSettings if whole else CostSettings, settings
-    )
-    return costs
-
-
-def _structured(group: str, name: str, schema: type, settings: Mapping[str, Any]) -> Any:
-    """Settings of a group as an object of its class. Raises HopdiffError, naming the setting."""
-    known = [entry.name for entry in fields(schema)]
-    for key in settings:
-        choose(f"setting of {group} {name}", key, known)
-    structured = OmegaConf.structured(schema)
-    OmegaConf.set_readonly(structured, False)
-    try:
-        return OmegaConf.to_object(OmegaConf.merge(structured, dict(settings)))
-    except OmegaConfBaseException as error:
-        raise HopdiffError(f"{group}.{error.full_key}: {one_line(error)}") from error

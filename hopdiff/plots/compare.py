@@ -219,8 +219,9 @@ _RESULTS: tuple[_Result, ...] = (
 
 
 def series(records: Sequence[RunRecord]) -> Callable[[RunRecord], str]:
-    """What the line of a run is called: its search, and whichever of its body and genes tell the runs apart."""
-    names = [name for name in ("character", "genes") if len({_choice(record, name) for record in records}) > 1]
+    """What the line of a run is called: its search, and whichever of model, costs, body and genes tell the runs apart."""
+    told = ("model", "costs", "character", "genes")
+    names = [name for name in told if len({_choice(record, name) for record in records}) > 1]
     return lambda record: ", ".join([str(record.metrics["search"]), *(_choice(record, name) for name in names)])
 
 

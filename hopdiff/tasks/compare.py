@@ -21,6 +21,7 @@ COLUMNS = (
     ("beta", "beta", ".2f"),
     ("search", "search", ""),
     ("model", "model", ""),
+    ("costs", "costs", ""),
     ("character", "character", ""),
     ("genes", "genes", ""),
     ("seed", "seed", ""),

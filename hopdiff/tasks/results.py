@@ -121,7 +121,7 @@ def summary(folder: Path, job: Job, run: Run) -> str:
     )
     rows = [
         ("asked", f"speed {m['speed']:g} m/s, beta {m['beta']:g}, so energy {m['energy_target']:.3f}"),
-        ("reached", f"energy {m['energy_rate']:.3f}{miss}, cost {m['cost']:.4f}, gamma {m['gamma']:.3f}"),
+        ("reached", f"energy {m['energy_rate']:.3f}{miss}, cost {m['cost']:.4f}, {_quality(m)}"),
         (
             "",
             f"contact {m['contact_time']:.3f} s, flight {m['flight_time']:.3f} s, bounce {m['com_oscillation']:.3f} m",
@@ -137,12 +137,19 @@ def summary(folder: Path, job: Job, run: Run) -> str:
     return "\n".join(f"{name:<9} {text}" for name, text in rows)
 
 
+def _quality(m: Mapping[str, Any]) -> str:
+    """What a run of its model is judged by besides: of the whole body the ground force, else connectivity."""
+    if "friction_needed" in m:
+        return f"force up to {m['peak_force_bw']:.2f} body weights, friction {m['friction_needed']:.2f}"
+    return f"gamma {m['gamma']:.3f}"
+
+
 def _limp(m: Mapping[str, Any]) -> str:
+    carried = f"contact left {m['contact_time_left']:.3f} s, right {m['contact_time_right']:.3f} s"
+    if abs(m["trunk_side_deg"]) < 0.05:
+        return carried
     side = "left" if m["trunk_side_deg"] > 0 else "right"
-    return (
-        f"contact left {m['contact_time_left']:.3f} s, right {m['contact_time_right']:.3f} s,"
-        f" trunk {abs(m['trunk_side_deg']):.1f} deg to the {side}"
-    )
+    return f"{carried}, trunk {abs(m['trunk_side_deg']):.1f} deg to the {side}"
 
 
 def shown(folder: Path) -> str:
