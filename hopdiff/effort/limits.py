@@ -25,7 +25,6 @@ MARGINS = {Status.JOINT_LIMIT: 0.3}  # inside of a limit, from where on it is fe
 ANGLE = 0.1  # rad
 GROUND = 0.02  # leg lengths
 GRIP = 0.05  # of gravity
-FIRM = 0.02  # m, of body of a swinging foot over the ground, for which nothing is asked at its ends
 
 
 class Excess(NamedTuple):
@@ -65,18 +64,12 @@ def excesses(run: Priced, limits: BodyLimits) -> list[Excess]:
     feet, knees = run.body.joints[:, FEET, 0], run.body.joints[:, SHANKS, 0]
     apart = torch.stack((feet[:, 0] - feet[:, 1], knees[:, 0] - knees[:, 1]), dim=1)
     found.append(Excess(Status.LEGS_MEET, (limits.apart - apart / run.leg) / 0.03, shares))
-    if not any(status == Status.NO_FLIGHT for status, *_ in found):
-        flight = _flight_times(run) / run.pace
+    plan = run.movement.plan
+    air = [phase for phase in range(plan.count) if phase not in plan.standing]
+    if air:
+        flight = run.movement.grid.durations[:, air] / run.pace
         found.append(Excess(Status.NO_FLIGHT, (limits.flight_time - flight) / 0.03, None))
     return found
-
-
-def _flight_times(run: Priced) -> Tensor:
-    """(P, F) of the phases in which nothing stands [s]."""
-    plan = run.movement.plan
-    standing = {phase % plan.count for contact in plan.contacts for phase in contact.phases}
-    air = [k for k in range(plan.count) if k not in standing]
-    return run.movement.grid.durations[:, air]
 
 
 def _clearance(run: Priced, limits: BodyLimits) -> list[Excess]:

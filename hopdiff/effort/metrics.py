@@ -146,12 +146,10 @@ def _feet(motion: Motion) -> dict[str, float]:
         cop = motion.cop[:, k]
         # The point of the foot that is under the pressure now, half a frame before and after.
         local = (turn.transpose(-1, -2) @ (cop - where).unsqueeze(-1)).squeeze(-1)
-        ahead = (turn[1:] @ local[:-1].unsqueeze(-1)).squeeze(-1) + where[1:]
-        moved = ((ahead - cop[:-1]) * ahead.new_tensor((1.0, 0.0, 1.0))).norm(dim=-1)
-        both = standing[1:] & standing[:-1]
-        back = (turn[:-1] @ local[1:].unsqueeze(-1)).squeeze(-1) + where[:-1]
-        moved_back = ((back - cop[1:]) * back.new_tensor((1.0, 0.0, 1.0))).norm(dim=-1)
-        slips.append(float((0.5 * (moved - moved_back).abs() * both).sum()))
+        ahead = (turn[1:] @ local[:-1].unsqueeze(-1)).squeeze(-1) + where[1:] - cop[:-1]
+        behind = (turn[:-1] @ local[1:].unsqueeze(-1)).squeeze(-1) + where[:-1] - cop[1:]
+        moved = 0.5 * ((ahead - behind) * ahead.new_tensor((1.0, 0.0, 1.0))).norm(dim=-1)
+        slips.append(float((moved * (standing[1:] & standing[:-1])).sum()))
         points = torch.stack([(turn @ point.unsqueeze(-1)).squeeze(-1) + where for point in (heel, ball)], dim=1)
         lows.append(float(points[..., 1].min()))
         heading = (turn @ (tip - heel).unsqueeze(-1)).squeeze(-1) * tip.new_tensor((1.0, 0.0, 1.0))
@@ -178,13 +176,15 @@ def _physics(run: Priced) -> dict[str, float]:
     acceleration = grid.derivative(grid.derivative(centre))
     gap = acceleration - body.carried.force.sum(1) + centre.new_tensor((0.0, GRAVITY, 0.0))[:, None]
     size = gap[0].norm(dim=0) / GRAVITY
-    air = body.carried.force[0, :, 1].abs().sum(0) == 0.0
+    flying = {phase for phase in range(len(grid.nodes)) if phase not in movement.plan.standing}
+    air = torch.zeros(grid.size, dtype=torch.bool, device=size.device)
+    for phase in flying:
+        air[grid.slice(phase)] = True
     spin = movement.momentum(body)[0] * mass
     drift = 0.0
-    for phase in range(len(grid.nodes)):
+    for phase in flying:
         here = grid.slice(phase)
-        if bool(air[here].all()):
-            drift = max(drift, float((spin[:, here].amax(-1) - spin[:, here].amin(-1)).max()))
+        drift = max(drift, float((spin[:, here].amax(-1) - spin[:, here].amin(-1)).max()))
     moments = run.dynamics.residual[0].norm(dim=0) * mass
     return {
         "flight_residual_bw": float(size[air].max()) if bool(air.any()) else 0.0,

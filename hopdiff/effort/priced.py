@@ -11,6 +11,8 @@ from hopdiff.numerics import GRAVITY
 from hopdiff.whole_body.dynamics import Dynamics
 from hopdiff.whole_body.movement import Body, Movement
 
+POWER_WIDTH = 0.0024  # of g sqrt(g l)
+
 
 @dataclass(frozen=True, eq=False)
 class Priced:
@@ -49,6 +51,11 @@ class Priced:
         """sqrt(l / g) [s]."""
         return float((self.leg / GRAVITY) ** 0.5)
 
+    @property
+    def power_width(self) -> float:
+        """Power over which positive and negative work pass into each other, a share of g sqrt(g l) [W/kg]."""
+        return POWER_WIDTH * GRAVITY * self.leg / self.pace
+
     def per_way(self, values: Tensor) -> Tensor:
         """Integral over time of (P, ..., M), summed over everything else, in body weights times the way (P,)."""
         summed = values.reshape(values.shape[0], -1, values.shape[-1]).sum(1)
@@ -64,7 +71,7 @@ class Priced:
         carried = self.body.carried
         force = carried.force.sum(1)
         velocity = self.movement.grid.derivative(carried.com)
-        return self.per_way(softly_positive((force * velocity).sum(1), 0.07))
+        return self.per_way(softly_positive((force * velocity).sum(1), self.power_width))
 
     def contact_times(self) -> Tensor:
         """(P, C) of each contact [s]."""

@@ -107,12 +107,13 @@ class BodyProblem:
         if given.external_work is not None and given.contact_time is not None:
             return Least(given.external_work, given.contact_time, None)
         layout, table = self.model.layout, self.table
-        tensors = (table.low, table.high, table.ordinary, layout.masses, layout.offsets, layout.inertias)
+        body = (layout.masses, layout.centres, layout.inertias, layout.offsets, layout.heel, layout.ball, layout.toe)
+        tensors = (table.low, table.high, table.ordinary, *body)
         key = (
             *(tensor.detach().cpu().double().numpy().tobytes() for tensor in tensors),
             self.speed,
             repr(self.settings),
-            (self.model.plan.name, self.model.rounds, self.model.lame, self.model.amount),
+            (self.model.plan, self.model.rounds, self.model.adjoint_rounds, self.model.lame, self.model.amount),
             (str(self.dtype), str(self.device), torch.get_num_threads()),
         )
         if key not in _found:
@@ -222,10 +223,16 @@ def _check(settings: EffortSettings) -> None:
         raise HopdiffError(f"costs.transfer must lie between 0 and 1, not {settings.transfer:g}.")
     if not 0.0 < settings.scale <= 2.0:
         raise HopdiffError(f"costs.scale must lie above 0 and not above 2, not {settings.scale:g}.")
+    for owner, where in ((human, "costs.human"), (limits, "costs.limits"), (settings, "costs")):
+        for name in ("trunk_lean", "pelvis_drop", "pelvis_yaw", "arm_swing", "swing_knee", "weight", "ankle_stiffness"):
+            if getattr(owner, name, 0.0) < 0:
+                raise HopdiffError(f"{where}.{name} must be a number of 0 or more, not {getattr(owner, name):g}.")
     least = settings.least
     for name, given in vars(least).items():
         if given is not None and not (math.isfinite(given) and given > 0):
             raise HopdiffError(f"costs.least.{name} must be a number above 0, not {given}.")
+    if (least.external_work is None) != (least.contact_time is None):
+        raise HopdiffError("costs.least needs both external_work and contact_time, or neither.")
     if not 0.05 <= limits.friction <= 5.0:
         raise HopdiffError(f"costs.limits.friction must lie between 0.05 and 5, not {limits.friction:g}.")
     for name in ("knee_deg", "ankle_deg", "hip_deg", "elbow_deg"):

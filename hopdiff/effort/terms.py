@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -22,7 +22,6 @@ from hopdiff.whole_body.dynamics import ANKLES
 from hopdiff.whole_body.layout import SEGMENTS
 
 TURNING = 0.1  # of the lesser strength: over what a torque passes from one direction's muscles to the other's
-POWER_WIDTH = 0.07  # W/kg over which positive and negative work pass into each other
 SHARPNESS = 30.0  # 1/rad, of the largest knee flexion
 LEG_JOINTS = slice(3, 9)  # hips, knees, ankles among the joints after the pelvis
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
@@ -68,7 +67,7 @@ class Muscles(NamedTuple):
             kind = JOINT_KINDS[segment]
             row = list(settings.strength.get(kind, ()))
             pairs = [x if isinstance(x, list) else [x, x] for x in row]
-            if len(row) != 3 or not all(len(pair) == 2 and all(map(_strength, pair)) for pair in pairs):
+            if len(row) != 3 or not all(_pair(pair) for pair in pairs):
                 raise HopdiffError(
                     f"costs.strength.{kind} must be three entries (flexion, turn, sideways), each a number above 0, a"
                     f" pair of them for the two directions, or null for a passive axis, not {row}."
@@ -92,8 +91,11 @@ class Muscles(NamedTuple):
         return values**2 * (ahead / self.forward**2 + (1.0 - ahead) / self.backward**2)
 
 
-def _strength(value: object) -> bool:
-    return value is None or (isinstance(value, int | float) and math.isfinite(value) and value > 0)
+def _pair(strengths: list[Any]) -> bool:
+    """Whether these are two numbers above 0, or no strength in either direction."""
+    if len(strengths) != 2 or strengths == [None, None]:
+        return len(strengths) == 2
+    return all(isinstance(x, int | float) and math.isfinite(x) and x > 0 for x in strengths)
 
 
 class Asked(NamedTuple):
@@ -227,13 +229,13 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
         Term(
             "positive_work",
             settings.positive_work,
-            lambda r: r.per_way(softly_positive(power(r), POWER_WIDTH)),
+            lambda r: r.per_way(softly_positive(power(r), r.power_width)),
             "effort",
         ),
         Term(
             "negative_work",
             settings.negative_work,
-            lambda r: r.per_way(softly_positive(-power(r), POWER_WIDTH)),
+            lambda r: r.per_way(softly_positive(-power(r), r.power_width)),
             "effort",
         ),
         Term("torque", settings.torque, lambda r: held(r, 0), "effort"),

@@ -219,7 +219,7 @@ _RESULTS: tuple[_Result, ...] = (
 
 
 def series(records: Sequence[RunRecord]) -> Callable[[RunRecord], str]:
-    """What the line of a run is called: its search, and whichever of model, costs, body and genes tell the runs apart."""
+    """What the line of a run is called: its search, and whichever of model, costs, body and genes tell runs apart."""
     told = ("model", "costs", "character", "genes")
     names = [name for name in told if len({_choice(record, name) for record in records}) > 1]
     return lambda record: ", ".join([str(record.metrics["search"]), *(_choice(record, name) for name in names)])

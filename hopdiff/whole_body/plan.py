@@ -38,6 +38,11 @@ class Plan:
         return len(self.nodes)
 
     @property
+    def standing(self) -> set[int]:
+        """The phases of the period in which something stands."""
+        return {phase % self.count for contact in self.contacts for phase in contact.phases}
+
+    @property
     def alternate(self) -> bool:
         """Whether both legs are worked out and stand one after the other."""
         return len(self.contacts) > 1 and self.contacts[0].phases != self.contacts[1].phases
