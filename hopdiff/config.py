@@ -51,6 +51,8 @@ HYDRA_BASE: dict[str, Any] = {"version_base": None} if hydra.__version__ < "1.4"
 
 # What a genes file brings along: a replay takes these from the file unless they are typed on the command line.
 SAVED = ("speed", "beta", "seed", "fps", "dtype", "model", "character", "costs", "genes", "limp")
+# Settings that the run of least cost, which the energy of model=body is told in, depends on.
+OF_LEAST = ("speed", "model", "character", "costs", "genes", "limp")
 
 
 @dataclass
@@ -203,6 +205,9 @@ def with_saved(config: DictConfig, saved: Mapping[str, Any], typed: Sequence[str
     except OmegaConfBaseException as error:
         name = f"{error.full_key}: " if error.full_key else ""
         raise HopdiffError(f"The genes file has settings that do not fit: {name}{one_line(error)}.") from error
+    if any(name.split(".")[0] in OF_LEAST for name in typed) and OmegaConf.select(result, "costs.least") is not None:
+        # The least run of another body or speed tells nothing here.
+        OmegaConf.update(result, "costs.least", {"external_work": None, "contact_time": None})
     for name in typed:
         if name.split(".")[0] in SAVED and "." in name:
             OmegaConf.update(result, name, OmegaConf.select(config, name))
@@ -223,7 +228,7 @@ def build_job(config: DictConfig) -> Job:
     whole = isinstance(model, BodyModel)
     known = BODY_GENES if whole else None
     table = GeneTable.build(settings.genes, character.leg_length, settings.speed, dtype, device, limping, known)
-    search = build_search(settings.search)
+    search, budget = build_search(settings.search), Budget(**vars(settings.budget))
     plain = plain_settings(config)
     costs = build_costs(settings.costs, settings.model.name)
     problem: BodyProblem | RunProblem
@@ -239,7 +244,7 @@ def build_job(config: DictConfig) -> Job:
         problem=problem,
         table=table,
         search=search,
-        budget=Budget(**vars(settings.budget)),
+        budget=budget,
         seed=settings.seed,
         fps=settings.fps,
         threads=settings.threads,

@@ -17,8 +17,13 @@ from hopdiff.problem import RunProblem
 
 @cache
 def make_problem(*overrides: str) -> RunProblem:
-    """The problem that these overrides of the command line stand for; problems hold no state, so one serves all."""
-    return build_job(compose(overrides)).problem
+    """The problem that these overrides of the command line stand for, of the smooth model if they choose no other.
+
+    Problems hold no state, so one serves all.
+    """
+    problem = build_job(compose(("model=smooth", *overrides))).problem
+    assert isinstance(problem, RunProblem)
+    return problem
 
 
 @cache

@@ -11,15 +11,20 @@ import hopdiff
 from hopdiff.config import compose, config_folder
 from hopdiff.io.bvh import read_bvh
 
-TINY = {"search": "random", "evaluations": 60}
+TINY = {"search": "random", "evaluations": 60, "model": "smooth"}
+# Of the default model: a search that needs no luck, and some least run, which is not searched for then.
+LEAST = ("costs.least.external_work=0.2", "costs.least.contact_time=0.25")
+BODY = {"search": "ga", "evaluations": 60, "settings": ("search.population=30", *LEAST)}
 
 
+@pytest.mark.parametrize("how", [BODY, TINY], ids=["body", "smooth"])
 def test_generate_returns_a_run_and_writes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    how: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    run = hopdiff.generate(speed=4, beta=0.5, fps=30, **TINY)
-    assert run.metrics["speed"] == pytest.approx(4.0)
+    run = hopdiff.generate(speed=3, beta=0.5, fps=30, **how)
+    assert run.metrics["speed"] == pytest.approx(3.0)
+    assert run.metrics["model"] == how.get("model", "body")
     assert run.metrics["beta"] == 0.5
     assert run.clip is run.motion.clip
     assert run.clip.frame_time == pytest.approx(1 / 30, rel=0.05)
@@ -29,8 +34,9 @@ def test_generate_returns_a_run_and_writes_nothing(
     assert capfd.readouterr() == ("", "")
 
 
-def test_same_seed_same_run_other_seed_other_run() -> None:
-    one, two, three = (hopdiff.generate(seed=seed, **TINY) for seed in (1, 1, 2))
+@pytest.mark.parametrize("how", [BODY, TINY], ids=["body", "smooth"])
+def test_same_seed_same_run_other_seed_other_run(how: dict) -> None:
+    one, two, three = (hopdiff.generate(speed=3, seed=seed, **how) for seed in (1, 1, 2))
     assert torch.equal(one.clip.rotations, two.clip.rotations)
     assert one.genes == two.genes
     assert one.genes != three.genes
@@ -67,7 +73,7 @@ def test_mistakes_are_hopdiff_errors(arguments: dict, says: str) -> None:
 
 
 def test_settings_reach_the_search() -> None:
-    run = hopdiff.generate(search="random", evaluations=40, settings=("search.population=10",))
+    run = hopdiff.generate(search="random", model="smooth", evaluations=40, settings=("search.population=10",))
     assert [row.evaluations for row in run.history] == [10, 20, 30, 40]
 
 

@@ -56,7 +56,7 @@ def test_help_is_a_page(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     for word in ("+experiment=brisk", "speed", "beta", "genes_file", "m/s", "hydra.run.dir", "budget.evaluations"):
         assert word in out
     for group, choices in {
-        "model": "smooth, thesis",
+        "model": "body, smooth, thesis",
         "search": "cmaes, ga, gradient, hybrid, ordinary, random",
         "export": "bvh_blender, bvh_unity, bvh_unreal, csv, fbx, glb, glb_mixamo, glb_unreal, html, npz",
         "task": "body, compare, edit, export, hopper, navigate, path, replay, run",
@@ -90,6 +90,7 @@ def test_a_sweep_side_by_side(tmp_path: Path) -> None:
     done = hopdiff(
         "-m",
         "speed=3,5",
+        "model=smooth",
         "search=random",
         "budget.evaluations=50",
         "hydra/launcher=joblib",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 
 import pytest
 import torch
@@ -17,15 +16,24 @@ from hopdiff.types import HopdiffError
 
 CONF = config_folder()
 GROUPS = ("model", "search", "character", "costs", "genes")
-CHOICES = [(group, path.stem) for group in GROUPS for path in sorted((CONF / group).glob("*.yaml"))]
+CHOICES = [
+    (group, path.stem)
+    for group in GROUPS
+    for path in sorted((CONF / group).glob("*.yaml"))
+    if not path.stem.startswith("of_")
+]
+# The model of choices that are not for the default one.
+MODEL_OF = {("costs", "default"): "smooth", ("costs", "thesis"): "thesis", ("genes", "default"): "smooth"}
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
 TINY = ("budget.evaluations=200", "threads=1")
+# Some least run of a body, which is not searched for then.
+LEAST = ("costs.least.external_work=0.2", "costs.least.contact_time=0.25")
 
 
 def test_every_group_has_choices() -> None:
     assert {group for group, _ in CHOICES} == set(GROUPS)
     assert {name for group, name in CHOICES if group == "search"} == set(SEARCHES)
-    assert {name for group, name in CHOICES if group == "model"} == {"smooth", "thesis"}
+    assert {name for group, name in CHOICES if group == "model"} == {"body", "smooth", "thesis"}
     assert {"human", "child", "cartoon"} <= {name for group, name in CHOICES if group == "character"}
     assert {"brisk", "neutral"} <= set(EXPERIMENTS)
 
@@ -33,11 +41,33 @@ def test_every_group_has_choices() -> None:
 @pytest.mark.parametrize(("group", "name"), CHOICES)
 def test_every_choice_composes_and_builds(group: str, name: str) -> None:
     # Every body at a speed that is a run for its size.
-    height = compose([f"{group}={name}"]).character.height
-    job = build_job(compose([f"{group}={name}", f"speed={2.5 * math.sqrt(height)}"]))
+    chosen = [f"model={MODEL_OF.get((group, name), 'body')}", f"{group}={name}"]
+    config = compose(chosen)
+    # A body's run of beta 0.2 is not told in another one, which would be searched for.
+    chosen += ["beta=0.2"] if config.model.name == "body" else []
+    job = build_job(compose([*chosen, f"speed={2.5 * math.sqrt(config.character.height)}"]))
     assert job.settings[group]["name"] == name
-    result = job.problem.evaluate(job.problem.ordinary_genes.unsqueeze(0), with_grad=False)
-    assert torch.isfinite(result.cost).all()
+    result = job.problem.evaluate(job.problem.start.unsqueeze(0), with_grad=False)
+    # The whole body's start is only where searches begin: it has a merit, but need not be a possible run.
+    assert torch.isfinite(result.merit if config.model.name == "body" else result.cost).all()
+
+
+def test_a_replay_at_another_speed_forgets_the_least_run() -> None:
+    saved = {"costs": {**compose(["model=body"]).costs, "least": {"external_work": 0.1, "contact_time": 0.2}}}
+    kept = with_saved(compose(["beta=0.5"]), saved, ["beta"])
+    assert kept.costs.least.external_work == 0.1
+    for typed in (["speed"], ["character.proportions.legs"], ["costs.torque"]):
+        assert with_saved(compose([]), saved, typed).costs.least.external_work is None
+    typed = ["speed", "costs.least.external_work"]
+    assert with_saved(compose(["costs.least.external_work=0.3"]), saved, typed).costs.least.external_work == 0.3
+
+
+@pytest.mark.parametrize("model", ["body", "smooth", "thesis"])
+@pytest.mark.parametrize("group", ["costs", "genes"])
+def test_costs_and_genes_follow_the_model(group: str, model: str) -> None:
+    default = {"costs": "human", "genes": "body"}[group] if model == "body" else "default"
+    assert compose([f"model={model}"])[group] == compose([f"model={model}", f"{group}={default}"])[group]
+    assert compose([f"model={model}"])[group].name == default
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
@@ -92,13 +122,14 @@ def test_what_is_typed_wins_over_a_genes_file() -> None:
     merged = checked(with_saved(typed, saved, typed=["speed", "model.nodes", "search.population"]))
     assert (merged.speed, merged.beta, merged.model.nodes, merged.model.sweeps) == (4.0, 0.2, 7, 1)
     whole = checked(with_saved(compose(["model=smooth"]), saved, typed=["model"]))
-    assert whole.model == checked(compose()).model
+    assert whole.model == checked(compose(["model=smooth"])).model
 
 
-def test_settings_survive_json(tmp_path: Path) -> None:
-    job = build_job(compose())
+@pytest.mark.parametrize("words", [("beta=0.2",), LEAST, ("model=smooth",)], ids=" ".join)
+def test_settings_survive_json(words: tuple[str, ...]) -> None:
+    job = build_job(compose(words))
     saved = json.loads(json.dumps(job.saved))
     again = build_job(with_saved(compose(["speed=7", "beta=0.1"]), saved, typed=[]))
     assert again.problem.speed == job.problem.speed
     assert torch.equal(again.table.low, job.table.low)
-    assert torch.equal(again.problem.ordinary_genes, job.problem.ordinary_genes)
+    assert torch.equal(again.problem.start, job.problem.start)

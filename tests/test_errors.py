@@ -46,7 +46,7 @@ MISTAKES = {
     "search.popsize=3": "Unknown setting of search gradient 'popsize': choose one of method, name",
     "+search.popsize=3": "popsize",
     "+search=ga": "write search=NAME, without the plus",
-    "model=smoth": "Unknown model 'smoth': choose one of smooth, thesis. Did you mean 'smooth'?",
+    "model=smoth": "Unknown model 'smoth': choose one of body, smooth, thesis. Did you mean 'smooth'?",
     "character=dwarf": "Unknown character 'dwarf': choose one of cartoon, child, human",
     "character.mass=-70": "mass must be a positive number",
     "character.heigt=2": "Did you mean 'character.height'?",
@@ -55,8 +55,12 @@ MISTAKES = {
     "~character.joints.neck": "'neck' is missing",
     "costs=none": "Unknown costs 'none'",
     "genes=none": "Unknown genes 'none'",
-    "genes.genes.touchdown_angle.high=95": "the range of 'touchdown_angle'",
-    "~genes.genes.touchdown_angle": "'touchdown_angle' is missing",
+    "genes.genes.step_time.high=25": "the range of 'step_time'",
+    "~genes.genes.step_time": "'step_time' is missing",
+    "model=smooth genes.genes.touchdown_angle.high=95": "the range of 'touchdown_angle'",
+    "model=smooth ~genes.genes.touchdown_angle": "'touchdown_angle' is missing",
+    "costs=default": "costs=default cannot judge runs of model=body: take costs=human or effort.",
+    "model=smooth costs=human": "costs=human cannot judge runs of model=smooth: take costs=default or thesis.",
     "task=fly": "Unknown task 'fly': choose one of body, compare, edit, export, hopper, navigate, path, replay, run",
     "task=replay": "task=replay needs genes_file=FILE",
     "task=compare": "task=compare needs runs=FOLDER",
@@ -89,7 +93,7 @@ def only_sentence(capsys: pytest.CaptureFixture[str]) -> str:
 def test_a_mistake_is_one_sentence(
     mistake: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    assert run_main(monkeypatch, mistake) == 1
+    assert run_main(monkeypatch, *mistake.split(" ")) == 1
     assert MISTAKES[mistake] in only_sentence(capsys)
     assert list(tmp_path.iterdir()) == []
 
@@ -171,7 +175,7 @@ def test_no_valid_candidate_leaves_no_files(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     arguments = ("costs.limits.leg_force_bw=0.1", "search=random", "search.population=8", "budget.evaluations=16")
-    assert run_main(monkeypatch, *arguments) == 1
+    assert run_main(monkeypatch, "model=smooth", *arguments) == 1
     assert "None of the 16 candidates tried is a possible run" in only_sentence(capsys)
     assert list(tmp_path.iterdir()) == []
 
@@ -198,7 +202,7 @@ def test_a_failing_job_of_a_sweep_is_named_and_the_others_finish(
 ) -> None:
     monkeypatch.setattr("hopdiff.tasks.results.write_pictures", lambda *_: {})
     monkeypatch.setattr("hopdiff.tasks.results.write_gif", lambda *_: None)
-    tiny = ("search=random", "search.population=16", "budget.evaluations=32")
+    tiny = ("model=smooth", "search=random", "search.population=16", "budget.evaluations=32")
     assert run_main(monkeypatch, "-m", "speed=-1,4", "hydra.sweep.dir=sweep", *tiny) == 1
     err = capsys.readouterr().err
     assert "job 0 (speed=-1" in err

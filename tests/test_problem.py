@@ -14,7 +14,10 @@ from hopdiff.types import HopdiffError, Status
 
 
 def problem(*settings: str) -> RunProblem:
-    return build_job(compose(settings)).problem
+    """Of the smooth model, if the settings choose no other."""
+    made = build_job(compose(("model=smooth", *settings))).problem
+    assert isinstance(made, RunProblem)
+    return made
 
 
 def draw(of: RunProblem, count: int, seed: int = 0, inside: float = 0.0) -> Tensor:

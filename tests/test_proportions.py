@@ -190,7 +190,7 @@ def test_a_wrong_factor_typed_is_one_sentence_and_leaves_nothing(
 def test_a_run_follows_its_legs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     metrics: list[dict[str, Any]] = []
     for legs in (1.0, 1.2):
-        words = ["search=ordinary", "pictures=false", f"character.proportions.legs={legs}"]
+        words = ["model=smooth", "search=ordinary", "pictures=false", f"character.proportions.legs={legs}"]
         monkeypatch.setattr("sys.argv", ["hopdiff", *words, f"hydra.run.dir={tmp_path / str(legs)}"])
         assert main() == 0
         metrics.append(json.loads((tmp_path / str(legs) / "metrics.json").read_text()))

@@ -31,7 +31,7 @@ def presets() -> dict[str, ExportSettings]:
 
 
 def own_runs(evaluations: int, path: bool = True) -> dict[str, Take]:
-    """Runs of the smooth model by name: a jog, a brisk run and, if wanted, one along a path. evaluations: of a search."""
+    """Runs of the smooth model by name: a jog, a brisk run, one along a path if wanted. evaluations: of each search."""
     found = {}
     for name, speed, beta in (("jog", 3.0, 0.2), ("brisk", 5.0, 0.7)):
         asked = ["model=smooth", f"speed={speed}", f"beta={beta}", f"budget.evaluations={evaluations}"]

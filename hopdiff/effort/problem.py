@@ -126,6 +126,8 @@ class BodyProblem:
                     f"no run of least cost was found at speed={self.speed:g} for character {self.character.name!r},"
                     f" which the energy of beta={self.beta:g} is told in: {error}"
                 ) from error
+            if result.interrupted:
+                raise KeyboardInterrupt
             run = plain.run(result.best_genes.unsqueeze(0), with_grad=False)
             _found[key] = Least(float(run.external_work()), float(run.contact_times().mean()), result.best_genes)
         return _found[key]

@@ -24,7 +24,7 @@ class ModelSettings:
     """
 
     name: str = "body"
-    rounds: int = 10
+    rounds: int = 11
     adjoint_rounds: int = 8
     nodes: int = 28
     sweeps: int = 2

@@ -72,7 +72,8 @@ class Gradient:
         nowhere = box.uniform(0, generator)
         starts = getattr(problem, "starts", STARTS) if self.starts is None else self.starts
         screen = getattr(problem, "screen", SCREEN) if self.screen is None else self.screen
-        return Multistart(box, self._begin(nowhere), nowhere, True, starts, max(screen, starts))
+        require("screen", screen, starts)
+        return Multistart(box, self._begin(nowhere), nowhere, True, starts, screen)
 
     def ask(self, state: Multistart, generator: torch.Generator) -> tuple[Tensor, bool]:
         if state.screening:

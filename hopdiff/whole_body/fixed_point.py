@@ -55,7 +55,8 @@ def fixed_point(
         told = prepare(state)
         moved = state.new_zeros(len(state))
         recent = _Recent()
-        for k in range(rounds):
+        # With a gradient the last round is the one that is recorded.
+        for k in range(rounds - (adjoint_rounds > 0)):
             if k in REBUILT[1:]:
                 told = prepare(state)
                 recent = _Recent()
@@ -66,6 +67,7 @@ def fixed_point(
         return state, moved
     seen = state.detach().requires_grad_(True)
     found = one_round(seen, told)
+    moved = (found.detach() - state).abs().amax(-1)
 
     def adjoint(gradient: Tensor) -> Tensor:
         total = gradient

@@ -25,7 +25,7 @@ class BodyModel:
     """
 
     character: Character
-    rounds: int = 10
+    rounds: int = 11
     adjoint_rounds: int = 8
     plan: Plan = RUN
     lame: str = "left"

@@ -28,7 +28,7 @@ def test_evaluation(benchmark: BenchmarkFixture, model: str, size: int, dtype: s
 
 @pytest.mark.parametrize("search", ["ga", "gradient", "hybrid", "cmaes", "random"])
 def test_search(benchmark: BenchmarkFixture, search: str) -> None:
-    job = build_job(compose([f"search={search}"]))
+    job = build_job(compose(["model=smooth", f"search={search}"]))
     run = benchmark.pedantic(search_run, (job,), rounds=1)
     assert run.metrics["cost"] < 10.0
 

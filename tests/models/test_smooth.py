@@ -186,7 +186,7 @@ def test_the_nodes_see_the_energy_of_every_candidate(speed: float) -> None:
 
 def test_a_search_finds_no_energy_that_the_nodes_miss() -> None:
     """What a brisk search asks for is what its motion costs, measured with many more nodes."""
-    job = build_job(compose(["speed=8", "beta=0.8"]))
+    job = build_job(compose(["model=smooth", "speed=8", "beta=0.8"]))
     problem = job.problem
     found = run_search(problem, job.search, Budget(2500), torch.Generator().manual_seed(0))
     fine = SmoothModel(problem.character, nodes=64)

@@ -143,7 +143,7 @@ def test_there_is_a_config_file_for_every_search():
         ("cmaes", "population", 1),
         ("cmaes", "growth", 0.5),
         ("gradient", "starts", 0),
-        ("gradient", "screen", 3),
+        ("gradient", "screen", 0),
         ("gradient", "method", "newton"),
         ("hybrid", "climbers", 0),
         ("hybrid", "mutation", 1.5),
@@ -152,3 +152,8 @@ def test_there_is_a_config_file_for_every_search():
 def test_wrong_settings_are_named(name, setting, value):
     with pytest.raises(HopdiffError, match=rf"^search\.{setting} must be .*, not .*\.$"):
         SEARCHES[name](**{setting: value})
+
+
+def test_a_screening_holds_the_starts_that_are_taken_from_it():
+    with pytest.raises(HopdiffError, match=r"^search\.screen must be .*, not 3\.$"):
+        SEARCHES["gradient"](starts=16, screen=3)

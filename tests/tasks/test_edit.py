@@ -39,7 +39,7 @@ def test_a_run_of_our_own_is_led_to_a_target(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "run"
-    assert command(monkeypatch, folder, *OWN, "target.position=[1.0,7.0]", "target.heading=90") == 0
+    assert command(monkeypatch, folder, "model=smooth", *OWN, "target.position=[1.0,7.0]", "target.heading=90") == 0
     assert {path.name for path in folder.iterdir() if "tfevents" not in path.name} == FILES | PICTURES
     assert list(folder.glob("*tfevents*"))
     edited = root_path(read_bvh(folder / "edited.bvh").clip())

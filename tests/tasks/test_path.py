@@ -15,6 +15,7 @@ from PIL import Image
 
 from hopdiff.cli import main
 from hopdiff.geometry.curve import curve_through
+from tests.tasks.conftest import LEAST
 
 FILES = {
     *(
@@ -31,7 +32,9 @@ FILES = {
 }
 PICTURES = {"motion.gif", "path.png", "along.png", "convergence.png"}
 # A budget for a blink, a search that needs no luck.
-QUICK = ("search=random", "search.population=100", "budget.evaluations=300", "fps=30", "pictures=false")
+QUICK = ("model=smooth", "search=random", "search.population=100", "budget.evaluations=300", "fps=30", "pictures=false")
+# The default model: genetic, as hardly a random candidate of it can run; some least run, not searched for then.
+BODY = ("model=body", "search=ga", "search.population=40", "budget.evaluations=120", *LEAST)
 BENDS = ("path.points=[[0,0],[2,6],[-2,12],[0,18]]", "path.time=6")
 STRAIGHT = ("path.points=[[0,0],[0,20]]", "path.time=6")
 # Round a circle of 8 m to the left, forward first.
@@ -109,7 +112,16 @@ def test_what_came_out_is_printed(
 
 
 @pytest.mark.parametrize(
-    "arguments", [BENDS, STRAIGHT, CIRCLE, (*BENDS, "limp.amount=0.3"), (*BENDS, "model=thesis"), (*BENDS, "fps=24")]
+    "arguments",
+    [
+        BENDS,
+        STRAIGHT,
+        CIRCLE,
+        (*BENDS, "limp.amount=0.3"),
+        (*BENDS, "model=thesis"),
+        (*BENDS, "fps=24"),
+        (*BENDS, *BODY),
+    ],
 )
 def test_the_run_leads_along_the_path_in_its_time_on_whole_strides(arguments: tuple[str, ...], runs: Runs) -> None:
     folder = runs(*arguments)

@@ -24,11 +24,11 @@ def metrics_of(folder: Path) -> dict:
     return json.loads((folder / "metrics.json").read_text())
 
 
-def test_the_same_motion_comes_back(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert replay(tmp_path / "again", finished / "genes.json", monkeypatch) == 0
+def test_the_same_motion_comes_back(either: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert replay(tmp_path / "again", either / "genes.json", monkeypatch) == 0
     for name in MOTIONS:
-        assert (tmp_path / "again" / name).read_bytes() == (finished / name).read_bytes()
-    before, after = (json.loads((folder / "metrics.json").read_text()) for folder in (finished, tmp_path / "again"))
+        assert (tmp_path / "again" / name).read_bytes() == (either / name).read_bytes()
+    before, after = (json.loads((folder / "metrics.json").read_text()) for folder in (either, tmp_path / "again"))
     for name in set(before) - ABOUT_THE_SEARCH:
         same = pytest.approx(before[name], rel=1e-9) if isinstance(before[name], float) else before[name]
         assert after[name] == same, name
@@ -37,8 +37,8 @@ def test_the_same_motion_comes_back(finished: Path, tmp_path: Path, monkeypatch:
     assert (tmp_path / "again" / "strip.png").exists()
 
 
-def test_typed_settings_win(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert replay(tmp_path / "fast", finished / "genes.json", monkeypatch, "fps=120", "beta=0.3") == 0
+def test_typed_settings_win(either: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert replay(tmp_path / "fast", either / "genes.json", monkeypatch, "fps=120", "beta=0.3") == 0
     metrics = json.loads((tmp_path / "fast" / "metrics.json").read_text())
     assert metrics["frame_time"] == pytest.approx(1 / 120, rel=0.02)
     assert metrics["beta"] == 0.3
@@ -46,7 +46,8 @@ def test_typed_settings_win(finished: Path, tmp_path: Path, monkeypatch: pytest.
 
 
 def test_fixed_genes_come_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    words = ("search=ordinary", "genes.fixed.step_width=0.2", "genes.common_eta=true", "genes.fixed.eta=7")
+    fixed = ("genes.fixed.step_width=0.2", "genes.common_eta=true", "genes.fixed.eta=7")
+    words = ("model=smooth", "search=ordinary", *fixed)
     monkeypatch.setattr("sys.argv", ["hopdiff", *words, "pictures=false", f"hydra.run.dir={tmp_path / 'first'}"])
     assert main() == 0
     assert replay(tmp_path / "again", tmp_path / "first" / "genes.json", monkeypatch, "pictures=false") == 0
@@ -55,9 +56,9 @@ def test_fixed_genes_come_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_genes_that_cannot_run_leave_no_folder(
-    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    finished_smooth: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert replay(tmp_path / "no", finished / "genes.json", monkeypatch, "costs.limits.leg_force_bw=0.5") == 1
+    assert replay(tmp_path / "no", finished_smooth / "genes.json", monkeypatch, "costs.limits.leg_force_bw=0.5") == 1
     assert "is not a possible run with these settings: The stance leg would have to push" in capsys.readouterr().err
     assert not (tmp_path / "no").exists()
 
@@ -68,10 +69,10 @@ def test_genes_that_cannot_run_leave_no_folder(
     ids=["child", "longer legs"],
 )
 def test_another_body_runs_with_steps_of_its_own_legs(
-    arguments: tuple[str, ...], name: str, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arguments: tuple[str, ...], name: str, finished_smooth: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert replay(tmp_path / "other", finished / "genes.json", monkeypatch, "pictures=false", *arguments) == 0
-    before, after = metrics_of(finished), metrics_of(tmp_path / "other")
+    assert replay(tmp_path / "other", finished_smooth / "genes.json", monkeypatch, "pictures=false", *arguments) == 0
+    before, after = metrics_of(finished_smooth), metrics_of(tmp_path / "other")
     assert (after["character"], after["speed"], after["beta"]) == (name, before["speed"], before["beta"])
     legs = after["leg_length"] / before["leg_length"]
     assert legs == pytest.approx(1.2 if "legs" in name else make_character("child").leg_length / before["leg_length"])
@@ -81,31 +82,38 @@ def test_another_body_runs_with_steps_of_its_own_legs(
     assert after["duty_factor"] == pytest.approx(before["duty_factor"], rel=1e-9)
     assert after["stance_foot_drift"] < 1e-6
     assert after["loop_error"] < 1e-6
-    genes = [json.loads((folder / "genes.json").read_text())["genes"] for folder in (finished, tmp_path / "other")]
+    genes = [
+        json.loads((folder / "genes.json").read_text())["genes"] for folder in (finished_smooth, tmp_path / "other")
+    ]
     for gene, entry in genes[0].items():
         assert genes[1][gene]["value"] == pytest.approx(entry["value"], abs=1e-9), gene
 
 
-def test_mass_alone_leaves_the_motion_as_it_is(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mass_alone_leaves_the_motion_as_it_is(
+    finished_smooth: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The spring leg is as much stiffer as the body is heavier, and balance knows only shares of the mass."""
-    assert replay(tmp_path / "heavy", finished / "genes.json", monkeypatch, "pictures=false", "character.mass=90") == 0
+    assert (
+        replay(tmp_path / "heavy", finished_smooth / "genes.json", monkeypatch, "pictures=false", "character.mass=90")
+        == 0
+    )
     for name in MOTIONS:
-        assert (tmp_path / "heavy" / name).read_bytes() == (finished / name).read_bytes()
+        assert (tmp_path / "heavy" / name).read_bytes() == (finished_smooth / name).read_bytes()
     assert json.loads((tmp_path / "heavy" / "genes.json").read_text())["settings"]["character"]["mass"] == 90.0
 
 
 @pytest.mark.parametrize("words", [("speed=2",), ("speed=9",), ("character.proportions.legs=1.5",)], ids=" ".join)
 def test_genes_outside_the_range_of_a_search_are_told(
     words: tuple[str, ...],
-    finished: Path,
+    finished_smooth: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert replay(tmp_path / "far", finished / "genes.json", monkeypatch, "pictures=false", *words) == 0
+    assert replay(tmp_path / "far", finished_smooth / "genes.json", monkeypatch, "pictures=false", *words) == 0
     # Speed 4 is what the genes were found at.
     table = make_problem("speed=4", *words).table
-    genes = json.loads((finished / "genes.json").read_text())["genes"]
+    genes = json.loads((finished_smooth / "genes.json").read_text())["genes"]
     ranges = zip(table.names, table.low.tolist(), table.high.tolist(), strict=True)
     outside = [name for name, low, high in ranges if not low <= genes[name]["value"] <= high]
     assert outside
@@ -114,10 +122,10 @@ def test_genes_outside_the_range_of_a_search_are_told(
 
 
 def test_nothing_is_told_of_genes_inside_their_ranges(
-    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    finished_smooth: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("pictures=false", "character.proportions.legs=1.1")
-    assert replay(tmp_path / "near", finished / "genes.json", monkeypatch, *words) == 0
+    assert replay(tmp_path / "near", finished_smooth / "genes.json", monkeypatch, *words) == 0
     assert "Outside" not in capsys.readouterr().out
 
 
@@ -128,32 +136,34 @@ def test_nothing_is_told_of_genes_inside_their_ranges(
 )
 def test_where_the_genes_cannot_run_the_speed_of_the_same_froude_number_is_told_and_works(
     words: tuple[str, ...],
-    finished: Path,
+    finished_smooth: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     body = [word for word in words if not word.startswith("speed=")]
-    assert replay(tmp_path / "no", finished / "genes.json", monkeypatch, "pictures=false", *words) == 1
+    assert replay(tmp_path / "no", finished_smooth / "genes.json", monkeypatch, "pictures=false", *words) == 1
     out, err = capsys.readouterr()
     assert (out, len(err.splitlines())) == ("", 1)
-    assert err.startswith(f"hopdiff: genes_file '{finished / 'genes.json'}' is not a possible run with these settings:")
+    assert err.startswith(
+        f"hopdiff: genes_file '{finished_smooth / 'genes.json'}' is not a possible run with these settings:"
+    )
     hint = re.search(
         r"Try (speed=[0-9.]+), which gives the character (\w+) the Froude number of the original\.\n$", err
     )
     assert hint is not None
     assert not (tmp_path / "no").exists()
-    assert replay(tmp_path / "yes", finished / "genes.json", monkeypatch, "pictures=false", *body, hint[1]) == 0
-    before, after = metrics_of(finished), metrics_of(tmp_path / "yes")
+    assert replay(tmp_path / "yes", finished_smooth / "genes.json", monkeypatch, "pictures=false", *body, hint[1]) == 0
+    before, after = metrics_of(finished_smooth), metrics_of(tmp_path / "yes")
     assert after["froude"] == pytest.approx(before["froude"], abs=0.005)
     assert after["speed"] == pytest.approx(4.0 * math.sqrt(after["leg_length"] / before["leg_length"]), abs=0.005)
     assert after["character"].split("+")[0] == hint[2]
 
 
 def test_a_file_of_an_older_version_still_makes_its_motion(
-    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    finished_smooth: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    content = json.loads((finished / "genes.json").read_text())
+    content = json.loads((finished_smooth / "genes.json").read_text())
     settings = content["settings"]
     for name in ("limp", "path", "hopper", "pictures"):
         settings.pop(name, None)
@@ -163,7 +173,7 @@ def test_a_file_of_an_older_version_still_makes_its_motion(
     (tmp_path / "old.json").write_text(json.dumps(content))
     assert replay(tmp_path / "again", tmp_path / "old.json", monkeypatch, "pictures=false") == 0
     for name in MOTIONS:
-        assert (tmp_path / "again" / name).read_bytes() == (finished / name).read_bytes()
+        assert (tmp_path / "again" / name).read_bytes() == (finished_smooth / name).read_bytes()
     assert metrics_of(tmp_path / "again")["character"] == "human"
 
 
@@ -180,12 +190,12 @@ def test_a_file_of_an_older_version_still_makes_its_motion(
 def test_a_replay_that_cannot_limp_says_why(
     words: tuple[str, ...],
     said: str,
-    finished: Path,
+    finished_smooth: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert replay(tmp_path / "no", finished / "genes.json", monkeypatch, *words) == 1
+    assert replay(tmp_path / "no", finished_smooth / "genes.json", monkeypatch, *words) == 1
     assert said in capsys.readouterr().err
     assert not (tmp_path / "no").exists()
 
@@ -194,7 +204,7 @@ def test_a_limp_cannot_be_replayed_as_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("search=ordinary", "speed=3", "limp.amount=0.3", "pictures=false", f"hydra.run.dir={tmp_path / 'limp'}")
-    monkeypatch.setattr("sys.argv", ["hopdiff", *words])
+    monkeypatch.setattr("sys.argv", ["hopdiff", "model=smooth", *words])
     assert main() == 0
     source = tmp_path / "limp" / "genes.json"
     assert replay(tmp_path / "mirror", source, monkeypatch, "limp.leg=right", "pictures=false") == 0
@@ -206,9 +216,9 @@ def test_a_limp_cannot_be_replayed_as_none(
 
 
 def test_what_is_wrong_with_the_saved_body_is_said_of_the_file(
-    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    either: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    content = json.loads((finished / "genes.json").read_text())
+    content = json.loads((either / "genes.json").read_text())
     content["settings"]["character"]["proportions"]["legs"] = 9
     (tmp_path / "wrong.json").write_text(json.dumps(content))
     assert replay(tmp_path / "no", tmp_path / "wrong.json", monkeypatch, "character=human") == 1

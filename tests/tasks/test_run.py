@@ -17,6 +17,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 import hopdiff
 from hopdiff.cli import main
 from hopdiff.search.loop import OnStep
+from tests.tasks.conftest import LEAST
 
 FILES = {
     "motion.bvh",
@@ -66,6 +67,20 @@ METRICS = {
     "seed",
     "frame_time",
 }
+# Of the whole body in their place, or besides.
+BODY_METRICS = METRICS - {"stance_foot_drift"} | {
+    "foot_slip",
+    "flight_residual_bw",
+    "stance_residual_bw",
+    "moment_residual_nm",
+    "momentum_drift",
+    "cop_excess",
+    "friction_needed",
+    "external_work",
+    "cost_of_transport",
+    "torque_knee_flexion_nm",
+}
+MODELS = [("body", "body", 3.0), ("smooth", "default", 4.0)]  # with the gene table, and a speed that its start can run
 
 
 def read(folder: Path, name: str) -> dict:
@@ -77,31 +92,32 @@ def history(folder: Path) -> list[dict[str, float]]:
         return [{name: float(value or "nan") for name, value in row.items()} for row in csv.DictReader(file)]
 
 
-def test_the_folder_holds_everything_and_nothing_else(finished: Path) -> None:
-    names = {path.name for path in finished.iterdir()}
+def test_the_folder_holds_everything_and_nothing_else(either: Path) -> None:
+    names = {path.name for path in either.iterdir()}
     events = {name for name in names if name.startswith("events.out.tfevents")}
     assert events
     assert names - events == FILES
 
 
-def test_metrics_hold_every_number(finished: Path) -> None:
-    metrics = read(finished, "metrics.json")
-    assert METRICS - set(metrics) == set()
-    numbers = {name: metrics[name] for name in METRICS - {"search", "model"}}
+@pytest.mark.parametrize(("model", "wanted"), [("body", BODY_METRICS), ("smooth", METRICS)], ids=["body", "smooth"])
+def test_metrics_hold_every_number(model: str, wanted: set[str], request: pytest.FixtureRequest) -> None:
+    metrics = read(request.getfixturevalue("finished" if model == "body" else "finished_smooth"), "metrics.json")
+    assert wanted - set(metrics) == set()
+    numbers = {name: metrics[name] for name in wanted - {"search", "model"}}
     assert all(isinstance(value, int | float) and math.isfinite(value) for value in numbers.values())
     assert metrics["speed"] == pytest.approx(4.0, rel=1e-9)
-    assert (metrics["beta"], metrics["seed"], metrics["search"], metrics["model"]) == (0.5, 3, "ga", "smooth")
+    assert (metrics["beta"], metrics["seed"], metrics["search"], metrics["model"]) == (0.5, 3, "ga", model)
     assert metrics["evaluations"] == 200
     assert metrics["step_length"] * metrics["step_frequency"] == pytest.approx(4.0, rel=1e-3)
 
 
-def test_history_is_the_search(finished: Path) -> None:
-    rows = history(finished)
+def test_history_is_the_search(either: Path) -> None:
+    rows = history(either)
     assert [row["step"] for row in rows] == list(range(len(rows)))
     assert rows[-1]["evaluations"] == 200
     best = [row["best"] for row in rows]
     assert best == sorted(best, reverse=True)
-    assert best[-1] == pytest.approx(read(finished, "metrics.json")["cost"], rel=1e-6)
+    assert best[-1] == pytest.approx(read(either, "metrics.json")["cost"], rel=1e-6)
 
 
 def test_events_are_the_history_and_the_pictures(finished: Path) -> None:
@@ -123,7 +139,7 @@ def test_settings_are_whole(finished: Path) -> None:
 
 
 def test_pictures_can_be_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    words = ("search=random", "budget.evaluations=50", "pictures=false", f"hydra.run.dir={tmp_path / 'run'}")
+    words = ("search=ordinary", "speed=3", "beta=0.2", "pictures=false", f"hydra.run.dir={tmp_path / 'run'}")
     monkeypatch.setattr("sys.argv", ["hopdiff", *words])
     assert main() == 0
     names = {path.name for path in (tmp_path / "run").iterdir()}
@@ -135,12 +151,15 @@ def test_pictures_can_be_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert not events.Tags()["images"]
 
 
-def test_a_run_without_a_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    words = ("search=ordinary", "genes.fixed.step_width=0.1", "pictures=false", "speed=4", "beta=0.2")
-    monkeypatch.setattr("sys.argv", ["hopdiff", *words, f"hydra.run.dir={tmp_path}"])
+@pytest.mark.parametrize(("model", "table", "speed"), MODELS)
+def test_a_run_without_a_search(
+    model: str, table: str, speed: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("search=ordinary", "genes.fixed.step_width=0.1", "pictures=false", f"speed={speed}", "beta=0.2")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words, f"model={model}", f"hydra.run.dir={tmp_path}"])
     assert main() == 0
     metrics = read(tmp_path, "metrics.json")
-    assert (metrics["evaluations"], metrics["search"], metrics["genes"]) == (1, "ordinary", "default+step_width=0.1")
+    assert (metrics["evaluations"], metrics["search"], metrics["genes"]) == (1, "ordinary", f"{table}+step_width=0.1")
     assert metrics["energy_rate"] == pytest.approx(0.25, rel=0.2)
     assert read(tmp_path, "genes.json")["genes"]["step_width"] == {"value": 0.1, "unit": "leg"}
 
@@ -148,7 +167,7 @@ def test_a_run_without_a_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_a_run_without_a_search_that_is_impossible_says_why(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ("search=ordinary", "genes.fixed.touchdown_angle=70", f"hydra.run.dir={tmp_path}")
+    words = ("model=smooth", "search=ordinary", "genes.fixed.touchdown_angle=70", f"hydra.run.dir={tmp_path}")
     monkeypatch.setattr("sys.argv", ["hopdiff", *words])
     assert main() == 1
     said = capsys.readouterr().err
@@ -161,15 +180,17 @@ def test_the_gif_moves(finished: Path) -> None:
 
 
 def test_python_fixes_genes_as_the_command_line_does() -> None:
-    run = hopdiff.generate(4, 0.2, search="ordinary", settings=("genes.fixed.step_width=0.1", "genes.common_eta=true"))
+    settings = ("genes.fixed.step_width=0.1", "genes.common_eta=true")
+    run = hopdiff.generate(4, 0.2, model="smooth", search="ordinary", settings=settings)
     assert run.genes["step_width"] == 0.1
     assert run.metrics["genes"] == "default+common_eta+step_width=0.1"
 
 
-def test_python_gives_the_same_run(finished: Path) -> None:
-    settings = ("search.population=40",)
-    run = hopdiff.generate(4, 0.5, seed=3, fps=30, search="ga", evaluations=200, settings=settings)
-    genes = {name: entry["value"] for name, entry in read(finished, "genes.json")["genes"].items()}
+def test_python_gives_the_same_run(either: Path) -> None:
+    model = read(either, "metrics.json")["model"]
+    settings = ("search.population=40", *(LEAST if model == "body" else ()))
+    run = hopdiff.generate(4, 0.5, model=model, seed=3, fps=30, search="ga", evaluations=200, settings=settings)
+    genes = {name: entry["value"] for name, entry in read(either, "genes.json")["genes"].items()}
     assert genes == run.genes
 
 
@@ -186,7 +207,8 @@ def test_ctrl_c_keeps_the_best_so_far(
 
     monkeypatch.setattr("hopdiff.tasks.run.progress", impatient)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["hopdiff", "search=random", "hydra.run.dir=run"])
+    words = ("speed=3", "beta=0.2", "search=ga", "search.population=20", "fps=30", "hydra.run.dir=run")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words])
     # A shell's background jobs ignore the signal, and so would this process if it is one.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
@@ -204,7 +226,7 @@ def test_the_default_folder_says_what_is_in_it(tmp_path: Path, monkeypatch: pyte
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("hopdiff.tasks.results.write_pictures", lambda *_: {})
     monkeypatch.setattr("hopdiff.tasks.results.write_gif", lambda *_: None)
-    arguments = ("+experiment=neutral", "speed=3", "search=random", "budget.evaluations=20")
+    arguments = ("+experiment=neutral", "model=smooth", "speed=3", "search=random", "budget.evaluations=20")
     monkeypatch.setattr("sys.argv", ["hopdiff", *arguments])
     assert main() == 0
     (folder,) = (tmp_path / "outputs").iterdir()
