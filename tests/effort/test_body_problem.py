@@ -183,7 +183,7 @@ def test_the_least_run_is_searched_for_once(monkeypatch: pytest.MonkeyPatch) -> 
         assert problem.beta == 0.2
         assert problem.least is None
         asked.append(problem.speed)
-        return SimpleNamespace(best_genes=genes)
+        return SimpleNamespace(interrupted=False, best_genes=genes)
 
     monkeypatch.setattr(module, "run_search", search)
     monkeypatch.setattr(module, "_found", {})
@@ -226,7 +226,7 @@ def test_another_body_has_another_least_run(monkeypatch: pytest.MonkeyPatch, oth
 
     def search(problem: BodyProblem, *given: Any) -> SimpleNamespace:
         asked.append(problem)
-        return SimpleNamespace(best_genes=unit_genes(problem)[0])
+        return SimpleNamespace(interrupted=False, best_genes=unit_genes(problem)[0])
 
     monkeypatch.setattr(module, "run_search", search)
     monkeypatch.setattr(module, "_found", {})
