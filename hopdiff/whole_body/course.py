@@ -25,7 +25,8 @@ from hopdiff.whole_body.gait import BodyGait, BodyPose
 from hopdiff.whole_body.layout import JOINT_OF, SEGMENTS
 
 GLANCE = 1e-4  # s, for rates at take-off and touchdown
-LONGEST = 0.9985  # of the straight leg
+LONGEST = 1.0 - 1e-9  # of the straight leg
+FREE = 0.985  # of the straight leg: how far legs reach that are more bent in the straight run
 SLACK = 1e-9  # s
 LOOKS = 15  # moments a stance at which the reach of its leg is looked at
 
@@ -172,11 +173,21 @@ class Course:
         pelvis = rotations[:, 0]
         offset = self.layout.skeleton.offsets[hip]
         start = self._carried(carrier, straight.places[:, 0]) + pelvis @ offset
+        point = start + self._drawn_in(point - start, self._longest(side, straight))
         hinge = carrier.axes @ straight.frames[:, hip, :, 0].unsqueeze(-1)
         thigh, shank = self._reach(start, point, hinge.squeeze(-1))
         rotations[:, hip] = pelvis.transpose(-1, -2) @ thigh
         rotations[:, knee] = thigh.transpose(-1, -2) @ shank
         rotations[:, ankle] = shank.transpose(-1, -2) @ foot
+
+    def _longest(self, side: str, straight: _Straight) -> Tensor:
+        """(T, 1) from hip to ankle at most [m]: no straighter than in the straight run, where a knee would snap."""
+        hip, ankle = (straight.places[:, self.names.index(f"{side}_{part}")] for part in ("hip", "ankle"))
+        return (ankle - hip).norm(dim=-1, keepdim=True).clamp(FREE * self.layout.leg, LONGEST * self.layout.leg)
+
+    def _drawn_in(self, line: Tensor, longest: Tensor) -> Tensor:
+        """Lines (T, 3) from hip to ankle, no longer than (T, 1)."""
+        return line * (longest / line.norm(dim=-1, keepdim=True)).clamp(max=1.0)
 
     def _moves(self, side: str, times: Tensor) -> tuple[Tensor, Tensor]:
         """By how much the ankle is moved and turned from where it is carried, (T, 3) [m, rad] in the carrier's axes."""
@@ -235,7 +246,7 @@ class Course:
             hip, ankle = (self.names.index(f"{stance.side}_{part}") for part in ("hip", "ankle"))
             held, _ = self._held(stance.side, which, straight.places[:, ankle])
             line = held - self._carried(carrier, straight.places[:, hip])
-            room = (LONGEST * self.layout.leg) ** 2 - line[:, 0] ** 2 - line[:, 2] ** 2
+            room = self._longest(stance.side, straight)[:, 0] ** 2 - line[:, 0] ** 2 - line[:, 2] ** 2
             needs.append(float((-line[:, 1] - room.clamp_min(0.0).sqrt()).clamp_min(0.0).amax()))
             middles.append(0.5 * (stance.start + stance.end))
         padded = np.pad(needs, 1, mode="edge")
