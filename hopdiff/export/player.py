@@ -49,6 +49,7 @@ SHOWN = (
     ("leg_ratio", "Legs, of the source's", "", 1.0, 3),
     ("search", "Search", "", 1.0, 0),
     ("model", "Model", "", 1.0, 0),
+    ("costs", "Costs", "", 1.0, 0),
     ("seed", "Seed", "", 1.0, 0),
     ("step_frequency", "Steps", "/s", 1.0, 2),
     ("step_length", "Step length", "m", 1.0, 2),
