@@ -32,7 +32,7 @@ REQUIRED_PARENTS = {
     "right_knee": "right_hip",
 }
 
-TALLEST, HEAVIEST = 100.0, 1e6  # m, kg
+TALLEST, HEAVIEST, THICKEST = 100.0, 1e6, 0.1  # m, kg, and body heights of soles
 LIMITED = ("hip", "knee", "shoulder", "elbow", "waist", "neck")
 
 
@@ -81,8 +81,7 @@ class Character:
     """A body in SI units, ready for physics.
 
     height: from sole to crown, standing [m].
-    masses: (J,) [kg]. coms: (J, 3) segment centres of mass in their joint's frame [m]. gyrations: (J, 3) radii of
-    gyration about them for the left, up and forward axes [m].
+    masses: (J,) [kg]. coms, gyrations: (J, 3) centre of mass in the joint's frame, radii of gyration about it [m].
     inertias: (J, 3) moment of inertia of everything that hangs on a joint, body straight, about the joint's
     left, up and forward axes [kg m^2]. limits: flexion range by joint kind [rad].
     """
@@ -120,6 +119,8 @@ class Character:
             raise HopdiffError(f"{where}: height must be a positive number of metres, not {settings.height}.")
         if not _positive(settings.mass):
             raise HopdiffError(f"{where}: mass must be a positive number of kilograms, not {settings.mass}.")
+        if not (math.isfinite(settings.shoe) and 0.0 <= settings.shoe <= THICKEST):
+            raise HopdiffError(f"{where}: shoe must lie between 0 and {THICKEST:g} body heights, not {settings.shoe}.")
         if settings.height > TALLEST or settings.mass > HEAVIEST:
             raise HopdiffError(f"{where}: height and mass must not be above {TALLEST:g} m and {HEAVIEST:g} kg.")
         joints = dict(settings.joints)
@@ -136,11 +137,12 @@ class Character:
         scale = float(settings.height)
         factors = factors_of(settings.proportions, order)
         offsets = torch.tensor([_vector(joints[n].offset, f"{where}, {n}.offset") for n in order], dtype=torch.float64)
-        coms = torch.tensor(
-            [_vector(joints[n].segment.com, f"{where}, {n}.segment.com") for n in order], dtype=torch.float64
-        )
-        gyration = torch.tensor(
-            [_vector(joints[n].segment.gyration, f"{where}, {n}.segment.gyration") for n in order], dtype=torch.float64
+        coms, gyration = (
+            torch.tensor([_vector(vectors[n], f"{where}, {n}.segment.{what}") for n in order], dtype=torch.float64)
+            for what, vectors in (
+                ("com", {n: joints[n].segment.com for n in order}),
+                ("gyration", {n: joints[n].segment.gyration for n in order}),
+            )
         )
         shares = []
         for name in order:
