@@ -138,11 +138,11 @@ class Character:
         factors = factors_of(settings.proportions, order)
         offsets = torch.tensor([_vector(joints[n].offset, f"{where}, {n}.offset") for n in order], dtype=torch.float64)
         coms, gyration = (
-            torch.tensor([_vector(vectors[n], f"{where}, {n}.segment.{what}") for n in order], dtype=torch.float64)
-            for what, vectors in (
-                ("com", {n: joints[n].segment.com for n in order}),
-                ("gyration", {n: joints[n].segment.gyration for n in order}),
+            torch.tensor(
+                [_vector(getattr(joints[n].segment, what), f"{where}, {n}.segment.{what}") for n in order],
+                dtype=torch.float64,
             )
+            for what in ("com", "gyration")
         )
         shares = []
         for name in order:
