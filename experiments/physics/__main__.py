@@ -27,6 +27,8 @@ HERE = Path(__file__).parent
 TEXT = ("kind", "run", "model")
 PICTURED = (3.5, 0.2)  # m/s and briskness of the run in the picture, if it is among them
 
+FOLDERS = ("--runs", "--clips", "--made", "--out")
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     options = parser().parse_args(arguments)
@@ -146,17 +148,18 @@ def circumstances(arguments: Sequence[str], options: argparse.Namespace, left_ou
     """Commit, command, objective and priors of the runs, and what was left out."""
     state = git_state(HERE)
     commit = f"`{state['commit']}`{' with changes' if state.get('dirty') else ''}" if state.get("commit") else "unknown"
-    lines = [f"Commit {commit}; `{shlex.join(['python', '-m', 'experiments.physics', *arguments])}`.", ""]
-    if options.runs is None:
-        for model in options.models:
-            try:
-                lines.append(
-                    f"- {model}, at {OWN_RATES.get(model, FRAME_RATE):g} frames/s: {made_with(model, chosen(options))}."
-                )
-            except Exception:  # Hydra's; why there are no such runs is told below
-                lines.append(f"- {model}: not a model of this version.")
-    else:
-        lines.append("The runs were there already; their own settings say what they were made with.")
+    # What lies where on a machine is left out.
+    shown = ["FOLDER" if before in FOLDERS else word for before, word in zip(("", *arguments), arguments, strict=False)]
+    lines = [f"Commit {commit}; `{shlex.join(['python', '-m', 'experiments.physics', *shown])}`.", ""]
+    if options.runs is not None:
+        lines += ["The runs were there already; those of this version are made with these settings.", ""]
+    for model in options.models:
+        try:
+            lines.append(
+                f"- {model}, at {OWN_RATES.get(model, FRAME_RATE):g} frames/s: {made_with(model, chosen(options))}."
+            )
+        except Exception:  # Hydra's; why there are no such runs is told below
+            lines.append(f"- {model}: not a model of this version.")
     lines += ["", "Left out:" if left_out else "Nothing was left out.", ""]
     return "\n".join([*lines, *(f"- {reason}" for reason in left_out)]).rstrip() + "\n"
 

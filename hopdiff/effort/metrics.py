@@ -14,6 +14,7 @@ from hopdiff.motion import SIDES, Motion
 from hopdiff.numerics import GRAVITY
 from hopdiff.whole_body.finish import stride_motion
 from hopdiff.whole_body.layout import SEGMENTS
+from hopdiff.whole_body.skeleton import BALL, HEEL
 
 MEASURING_FPS = 240.0  # dense enough that maxima between frames do not matter
 FIRM = 0.1  # body weights of vertical force from which on the needed friction is told
@@ -139,9 +140,7 @@ def _feet(motion: Motion) -> dict[str, float]:
         ankle, toe = skeleton.index(f"{side}_ankle"), skeleton.index(f"{side}_toe")
         turn, where = frames[:, ankle], places[:, ankle]
         ball, tip = skeleton.offsets[toe], skeleton.offsets[toe] + skeleton.end_sites[f"{side}_toe"]
-        heel = (
-            ball * ball.new_tensor((1.0, 1.0, 0.0)) - ball.new_tensor((0.0, 0.0, 1.0)) * float(ball[2]) * HEEL_OF_BALL
-        )
+        heel = ball * ball.new_tensor((1.0, 1.0, 0.0)) - ball.new_tensor((0.0, 0.0, 1.0)) * float(ball[2]) * HEEL / BALL
         standing = motion.contact[:, k]
         cop = motion.cop[:, k]
         # The point of the foot that is under the pressure now, half a frame before and after.
@@ -149,7 +148,10 @@ def _feet(motion: Motion) -> dict[str, float]:
         ahead = (turn[1:] @ local[:-1].unsqueeze(-1)).squeeze(-1) + where[1:] - cop[:-1]
         behind = (turn[:-1] @ local[1:].unsqueeze(-1)).squeeze(-1) + where[:-1] - cop[1:]
         moved = 0.5 * ((ahead - behind) * ahead.new_tensor((1.0, 0.0, 1.0))).norm(dim=-1)
-        slips.append(float((moved * (standing[1:] & standing[:-1])).sum()))
+        both = standing[1:] & standing[:-1]
+        # Summed over each stance by itself.
+        number = torch.cumsum((both & ~torch.cat((both.new_zeros(1), both[:-1]))).long(), dim=0)
+        slips.append(float(torch.zeros(int(number.max()) + 1).to(moved).index_add(0, number, moved * both).max()))
         points = torch.stack([(turn @ point.unsqueeze(-1)).squeeze(-1) + where for point in (heel, ball)], dim=1)
         lows.append(float(points[..., 1].min()))
         heading = (turn @ (tip - heel).unsqueeze(-1)).squeeze(-1) * tip.new_tensor((1.0, 0.0, 1.0))
@@ -160,12 +162,11 @@ def _feet(motion: Motion) -> dict[str, float]:
     return {"foot_slip": max(slips), "min_foot_clearance": min(lows), "cop_excess": max(*excess, 0.0)}
 
 
-def foot_slip(motion: Motion) -> float:
-    """Way of the soles' points of contact over the ground, the longest of both feet, all stances together [m]."""
-    return _feet(motion)["foot_slip"]
-
-
-HEEL_OF_BALL = 0.04 / 0.072  # how far the heel is behind the ankle, in how far the ball is ahead (whole_body.skeleton)
+def standing_feet(motion: Motion) -> dict[str, float]:
+    """foot_slip: longest way of a sole's point of contact over the ground in a stance [m]. min_foot_clearance: lowest
+    point of heels and balls [m]. cop_excess: how far the centre of pressure leaves the sole [m].
+    """
+    return _feet(motion)
 
 
 def _physics(run: Priced) -> dict[str, float]:

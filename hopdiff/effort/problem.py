@@ -235,8 +235,15 @@ def _check(settings: EffortSettings) -> None:
             raise HopdiffError(f"costs.least.{name} must be a number above 0, not {given}.")
     if (least.external_work is None) != (least.contact_time is None):
         raise HopdiffError("costs.least needs both external_work and contact_time, or neither.")
-    if not 0.05 <= limits.friction <= 5.0:
-        raise HopdiffError(f"costs.limits.friction must lie between 0.05 and 5, not {limits.friction:g}.")
+    for name, low, high in (
+        ("friction", 0.05, 5.0),
+        ("clearance", 0.0, 0.5),
+        ("apart", -0.5, 0.5),
+        ("flight_time", 0.0, 5.0),
+        ("reach", 0.5, 1.0),
+    ):
+        if not low <= (value := getattr(limits, name)) <= high:
+            raise HopdiffError(f"costs.limits.{name} must lie between {low:g} and {high:g}, not {value:g}.")
     for name in ("knee_deg", "ankle_deg", "hip_deg", "elbow_deg"):
         ends = getattr(limits, name)
         if len(ends) != 2 or not ends[0] < ends[1]:

@@ -41,7 +41,8 @@ class HumanSettings:
 @dataclass
 class BodyLimits:
     """Limits of what is possible. clearance: of heel and ball half-way through the swing [leg lengths]; apart: of the
-    knees, and of the ankles, sideways [leg lengths]. joint_deg: knee, ankle and hip flexion, low and high.
+    knees, and of the ankles, sideways [leg lengths]. knee_deg, ankle_deg, hip_deg, elbow_deg: flexion,
+    low and high.
     """
 
     friction: float = 0.54
@@ -72,7 +73,7 @@ class EffortSettings:
 
     name: str = "effort"
     positive_work: float = 4.0
-    negative_work: float = 0.8333333333333334
+    negative_work: float = 0.8333
     torque: float = 0.07
     torque_rate: float = 0.0018
     transfer: float = 1.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from hopdiff import costs
-from hopdiff.effort.metrics import foot_slip
+from hopdiff.effort.metrics import MEASURING_FPS, standing_feet
 from hopdiff.effort.problem import BodyProblem
 from hopdiff.genes import FROUDE_RANGE
 from hopdiff.geometry.curve import PlaneCurve, curve_through
@@ -35,6 +35,11 @@ from hopdiff.whole_body.course import Course
 HOLD = 1.0  # of gravity: what a foot on level ground can push sideways
 MAX_FRAMES = 100_000
 MAX_SAMPLES = 1_000_000  # along a path, in the search for its tightest turn
+# Numbers of the straight run that are not those of one along a curve.
+OF_STRAIGHT_RUNS = (
+    *("flight_residual_bw", "stance_residual_bw", "moment_residual_nm", "momentum_drift", "friction_needed"),
+    *("peak_force_bw", "least_force_bw"),
+)
 CADENCES = 201  # stride times looked up between the shortest and the longest
 
 
@@ -168,6 +173,13 @@ def path_run(job: Job, route: Route, result: SearchResult) -> Run:
     stride = route.time / strides
     made = {"stride_time": stride, "step_frequency": 2.0 / stride, "stride_adjustment": stride / before - 1.0}
     metrics = run.metrics | path_metrics(route, motion, strides) | made
+    if isinstance(job.problem, BodyProblem):
+        # Feet are measured on frames so dense that differences between them do not tell; what was solved for is the
+        # straight run, so that nothing is said of how well physics is kept along the curve.
+        dense = led_along(job.problem, genes, route, strides, MEASURING_FPS)
+        feet = standing_feet(dense)
+        metrics = {name: value for name, value in metrics.items() if name not in OF_STRAIGHT_RUNS} | feet
+        metrics["foot_slide_max"] = feet["foot_slip"]
     return replace(run, motion=motion, metrics=metrics)
 
 
@@ -233,7 +245,6 @@ def path_metrics(route: Route, motion: Motion, strides: int) -> dict[str, Any]:
     arc = torch.linspace(0.0, route.curve.length, 2000, dtype=torch.float64)
     lean = turning_lean(route.curve, strides, route.time, route.max_lean)(arc)
     root = motion.clip.root_position
-    whole = motion.force is not None
     found = {
         "path_length": route.curve.length,
         "path_time": route.time,
@@ -241,7 +252,7 @@ def path_metrics(route: Route, motion: Motion, strides: int) -> dict[str, Any]:
         "strides": strides,
         "min_radius": route.tightest()[0],
         "max_lean_deg": math.degrees(float(lean.abs().max())),
-        "foot_slide_max": foot_slip(motion) if whole else stance_foot_drift(motion),
+        "foot_slide_max": stance_foot_drift(motion),
         "min_foot_clearance": float(motion.feet[..., 1].min()),
         "frames": motion.clip.frames,
         "frame_time": motion.clip.frame_time,

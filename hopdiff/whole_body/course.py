@@ -19,7 +19,7 @@ from torch import Tensor
 from hopdiff.geometry.curve import PlaneCurve
 from hopdiff.geometry.rotation import axis_rotation, from_vector, to_vector
 from hopdiff.motion import SIDES, Motion, Phase
-from hopdiff.numerics import hermite
+from hopdiff.numerics import hermite, smooth_max
 from hopdiff.whole_body.finish import finish, phases
 from hopdiff.whole_body.gait import BodyGait, BodyPose
 from hopdiff.whole_body.layout import JOINT_OF, SEGMENTS
@@ -28,6 +28,8 @@ GLANCE = 1e-4  # s, for rates at take-off and touchdown
 LONGEST = 1.0 - 1e-9  # of the straight leg
 FREE = 0.985  # of the straight leg: how far legs reach that are more bent in the straight run
 SLACK = 1e-9  # s
+ENDS = 0.15  # share of a swing, after take-off and before touchdown, in which what bends a flying foot fades in and out
+EASE, SOFT_GROUND = 0.004, 0.001  # leg lengths over which that, and lifting off the ground, sets in
 LOOKS = 15  # moments a stance at which the reach of its leg is looked at
 
 Lean = Callable[[Tensor], Tensor]  # arc length (T,) [m] -> lean to the left (T,) [rad]
@@ -165,32 +167,38 @@ class Course:
     def _put_leg(self, side: str, times: Tensor, straight: _Straight, carrier: _Carrier, rotations: Tensor) -> None:
         """Set hip, knee and ankle of a side in rotations (T, J, 3, 3), whose root is set."""
         hip, knee, ankle = (self.names.index(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
-        moved, turned = self._moves(side, times)
+        moved, turned, flying = self._moves(side, times)
         point = self._carried(carrier, straight.places[:, ankle])
         point = point + (carrier.axes @ moved.unsqueeze(-1)).squeeze(-1)
         foot = carrier.axes @ from_vector(turned) @ straight.frames[:, ankle]
-        point = self._above_ground(side, point, foot)
+        point = self._above_ground(point, foot, straight.places[:, ankle], straight.frames[:, ankle])
         pelvis = rotations[:, 0]
         offset = self.layout.skeleton.offsets[hip]
         start = self._carried(carrier, straight.places[:, 0]) + pelvis @ offset
-        point = start + self._drawn_in(point - start, self._longest(side, straight))
+        point = start + self._drawn_in(point - start, self._length(side, straight), flying)
         hinge = carrier.axes @ straight.frames[:, hip, :, 0].unsqueeze(-1)
         thigh, shank = self._reach(start, point, hinge.squeeze(-1))
         rotations[:, hip] = pelvis.transpose(-1, -2) @ thigh
         rotations[:, knee] = thigh.transpose(-1, -2) @ shank
         rotations[:, ankle] = shank.transpose(-1, -2) @ foot
 
-    def _longest(self, side: str, straight: _Straight) -> Tensor:
-        """(T, 1) from hip to ankle at most [m]: no straighter than in the straight run, where a knee would snap."""
+    def _length(self, side: str, straight: _Straight) -> Tensor:
+        """(T, 1) from hip to ankle in the straight run [m]."""
         hip, ankle = (straight.places[:, self.names.index(f"{side}_{part}")] for part in ("hip", "ankle"))
-        return (ankle - hip).norm(dim=-1, keepdim=True).clamp(FREE * self.layout.leg, LONGEST * self.layout.leg)
+        return (ankle - hip).norm(dim=-1, keepdim=True)
 
-    def _drawn_in(self, line: Tensor, longest: Tensor) -> Tensor:
-        """Lines (T, 3) from hip to ankle, no longer than (T, 1)."""
-        return line * (longest / line.norm(dim=-1, keepdim=True)).clamp(max=1.0)
+    def _drawn_in(self, line: Tensor, before: Tensor, flying: Tensor) -> Tensor:
+        """Lines (T, 3) from hip to ankle of a flying leg, softly no longer than (T, 1) the straight run has them."""
+        length = line.norm(dim=-1, keepdim=True)
+        longest, width = before.clamp(FREE * self.layout.leg, LONGEST * self.layout.leg), EASE * self.layout.leg
+        # What the straight run itself is over the limit stays as it is.
+        excess = smooth_max(length - longest, 0.0, width) - smooth_max(before - longest, 0.0, width)
+        return line * (1.0 - flying * excess / length)
 
-    def _moves(self, side: str, times: Tensor) -> tuple[Tensor, Tensor]:
-        """By how much the ankle is moved and turned from where it is carried, (T, 3) [m, rad] in the carrier's axes."""
+    def _moves(self, side: str, times: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """By how much the ankle is moved and turned from where it is carried, (T, 3) [m, rad] in the carrier's axes;
+        and (T, 1) how freely the foot flies, 0 on the ground.
+        """
         own, which = self._which(side, times)
         numbers = torch.arange(len(own), device=times.device)
         starts = times.new_tensor([stance.start for stance in own])
@@ -206,13 +214,20 @@ class Course:
             rate_first, rate_last = (early[k] - first[k]) / GLANCE, (last[k] - late[k]) / GLANCE
             fade = hermite(x, last[k][which], first[k][which + 1], rate_last[which], rate_first[which + 1], air)
             found.append(torch.where(standing, now[k], fade))
-        return found[0], found[1]
+        inside = (torch.minimum(x, 1.0 - x) / ENDS).clamp(max=1.0)
+        return found[0], found[1], torch.where(standing, 0.0, inside**2 * (3.0 - 2.0 * inside))
 
-    def _above_ground(self, side: str, ankle: Tensor, foot: Tensor) -> Tensor:
-        """An ankle (T, 3), lifted where heel or ball would be below the ground."""
+    def _above_ground(self, ankle: Tensor, foot: Tensor, before: Tensor, as_before: Tensor) -> Tensor:
+        """An ankle (T, 3), softly lifted where heel or ball would be below the ground and were not in the straight run,
+        which had the ankle at `before` (T, 3) and the foot's frame `as_before` (T, 3, 3).
+        """
         points = torch.stack((self.layout.heel, self.layout.ball)).to(foot)
-        lowest = (foot[:, 1] @ points.T).amin(-1) + ankle[:, 1]
-        return ankle - lowest.clamp(max=0.0).unsqueeze(-1) * ankle.new_tensor((0.0, 1.0, 0.0))
+
+        def depth(place: Tensor, frame: Tensor) -> Tensor:
+            heights = frame[:, 1] @ points.T + place[:, 1:2]
+            return smooth_max(-heights.amin(-1, keepdim=True), 0.0, SOFT_GROUND * self.layout.leg)
+
+        return ankle + (depth(ankle, foot) - depth(before, as_before)) * ankle.new_tensor((0.0, 1.0, 0.0))
 
     def _reach(self, hip: Tensor, ankle: Tensor, hinge: Tensor) -> tuple[Tensor, Tensor]:
         """Frames (T, 3, 3) of thigh and shank from hip to ankle (T, 3); hinge: about where the knee's axis points."""
@@ -246,7 +261,9 @@ class Course:
             hip, ankle = (self.names.index(f"{stance.side}_{part}") for part in ("hip", "ankle"))
             held, _ = self._held(stance.side, which, straight.places[:, ankle])
             line = held - self._carried(carrier, straight.places[:, hip])
-            room = self._longest(stance.side, straight)[:, 0] ** 2 - line[:, 0] ** 2 - line[:, 2] ** 2
+            # No straighter than in the straight run, where a knee would snap.
+            longest = self._length(stance.side, straight)[:, 0].clamp(min=FREE * self.layout.leg)
+            room = longest**2 - line[:, 0] ** 2 - line[:, 2] ** 2
             needs.append(float((-line[:, 1] - room.clamp_min(0.0).sqrt()).clamp_min(0.0).amax()))
             middles.append(0.5 * (stance.start + stance.end))
         padded = np.pad(needs, 1, mode="edge")

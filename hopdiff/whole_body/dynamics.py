@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.numerics import GRAVITY
-from hopdiff.whole_body.layout import FEET, PARENTS, SHANKS, THIGHS
+from hopdiff.whole_body.layout import FEET, PARENTS
 from hopdiff.whole_body.movement import Body, Movement
 
 
@@ -61,4 +61,4 @@ def dynamics(movement: Movement, body: Body) -> Dynamics:
     return Dynamics(own, rate, grid.derivative(own), torque[:, 0])
 
 
-HIPS, KNEES, ANKLES = (slice(s.start - 1, s.stop - 1) for s in (THIGHS, SHANKS, FEET))
+ANKLES = slice(FEET.start - 1, FEET.stop - 1)  # among the joints after the pelvis

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 MEMORY = 4  # rounds that the next guess is drawn from
-REBUILT = (0, 1, 3)  # rounds before which what a round is told is worked out anew
+REBUILT = (1, 3)  # rounds before which what a round is told is worked out anew, after the first
 
 
 class _Recent:
@@ -57,7 +57,7 @@ def fixed_point(
         recent = _Recent()
         # With a gradient the last round is the one that is recorded.
         for k in range(rounds - (adjoint_rounds > 0)):
-            if k in REBUILT[1:]:
+            if k in REBUILT:
                 told = prepare(state)
                 recent = _Recent()
             step = one_round(state, told) - state

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from hopdiff.motion import SIDES
 from hopdiff.numerics import GRAVITY
 from hopdiff.whole_body.grid import Grid
 from hopdiff.whole_body.kinematics import Angles, all_frames, trunk_frames
@@ -16,7 +17,7 @@ from hopdiff.whole_body.layout import JOINT_OF, PARENTS, SEGMENTS, Layout
 from hopdiff.whole_body.movement import Body, Movement
 from hopdiff.whole_body.plan import Plan
 
-SIDES = ("left", "right")
+PLACES = ("root", "com", "left_cop", "right_cop")  # curves that go along with the way
 TOES_AT_EASE = 0.25  # of a swing in which bent toes straighten
 TOES_BEND = math.radians(60.0)  # at most
 
@@ -58,7 +59,8 @@ class BodyPose(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class BodyGait:
     """Solved movements of P candidates. channels: (P, C, M) the curves above on the nodes of the period. abduction,
-    inward: (P,) of both arms [rad]. way: (P,) gone in a period [m].
+    inward: (P,) of both arms [rad]. way: (P,) gone in a period [m]. swapped: whether left and right are exchanged;
+    time then begins at what was the right foot's touchdown.
     """
 
     layout: Layout
@@ -68,9 +70,10 @@ class BodyGait:
     abduction: Tensor
     inward: Tensor
     way: Tensor
+    swapped: bool = False
 
     @classmethod
-    def of(cls, movement: Movement, body: Body) -> BodyGait:
+    def of(cls, movement: Movement, body: Body, swapped: bool = False) -> BodyGait:
         angles, carried = body.angles, body.carried
         singles = (body.root, carried.com, angles.pelvis, angles.chest)
         pairs = (angles.thigh, angles.knee, angles.foot, angles.tilt, angles.shoulder, angles.elbow)
@@ -84,11 +87,8 @@ class BodyGait:
             angles.abduction.detach(),
             angles.inward.detach(),
             (movement.speed * movement.grid.total).detach(),
+            swapped,
         )
-
-    @property
-    def character(self) -> object:
-        return self.layout.character
 
     @property
     def stride_time(self) -> Tensor:
@@ -107,7 +107,18 @@ class BodyGait:
             spans[contact.limb] = torch.stack((start, ends[:, contact.phases[-1]]), dim=-1)
         if self.plan.mirrored:
             spans["right"] = spans["left"] + self.grid.total[:, None]
+        if self.swapped:
+            begun = spans["right"][:, :1]
+            spans = {"left": spans["right"] - begun, "right": spans["left"] - begun + self.stride_time[:, None]}
         return torch.stack([spans[side] for side in SIDES], dim=1)
+
+    @property
+    def _begun(self) -> Tensor:
+        """(P, 1) when time begins, in that of the curves [s]."""
+        if not self.swapped:
+            return torch.zeros_like(self.way).unsqueeze(-1)
+        phase = next(contact.phases[0] for contact in self.plan.contacts if contact.limb == "right")
+        return self.grid.durations[:, :phase].sum(-1, keepdim=True)
 
     @property
     def contact_times(self) -> Tensor:
@@ -124,22 +135,28 @@ class BodyGait:
 
     def sample(self, times: Tensor) -> BodyPose:
         """The movements at times (T,) since left touchdown, anywhere in their endless course [s]."""
+        named = self._at(times + self._begun)
+        if self.swapped:
+            named = self._mirrored(named)
+            ahead = named["com"].new_tensor((0.0, 0.0, 1.0))[:, None] * self._at(self._begun)["com"]
+            for name in PLACES:
+                named[name] = named[name] - ahead
+        contact, since = self._standing(times)
+        return self._pose(named, contact, since)
+
+    def _at(self, times: Tensor) -> dict[str, Tensor]:
+        """Curves by name, (P, n, T) each, at times (P, T) since the start of the first period [s]."""
         period = self.grid.total.unsqueeze(-1)
         # A moment that lies on a touchdown but for rounding belongs to the new period.
         count = torch.floor(times / period + 1e-12)
-        local = (times - count * period).clamp_min(0.0)
-        values = self.grid.sample(self.channels, local)
-        named = self._named(values)
+        named = self._named(self.grid.sample(self.channels, (times - count * period).clamp_min(0.0)))
         if self.plan.mirrored:
             odd = (count % 2.0 == 1.0).unsqueeze(1)
             mirrored = self._mirrored(named)
             named = {name: torch.where(odd, mirrored[name], values) for name, values in named.items()}
         gone = (count * self.way.unsqueeze(-1)).unsqueeze(1)
         ahead = gone * gone.new_tensor((0.0, 0.0, 1.0))[:, None]
-        for name in ("root", "com", "left_cop", "right_cop"):
-            named[name] = named[name] + ahead
-        contact, since = self._standing(times)
-        return self._pose(named, contact, since)
+        return {name: values + ahead if name in PLACES else values for name, values in named.items()}
 
     def _named(self, values: Tensor) -> dict[str, Tensor]:
         """Curves by name, (P, n, T) each; of pairs left and right apart."""

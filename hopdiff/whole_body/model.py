@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import torch
@@ -35,11 +35,6 @@ class BodyModel:
     def layout(self) -> Layout:
         return Layout.of(self.character)
 
-    @property
-    def sound(self) -> BodyModel:
-        """The same model on two equal legs."""
-        return replace(self, amount=0.0, plan=RUN) if self.amount > 0.0 else self
-
     @classmethod
     def limping(cls, character: Character, rounds: int, adjoint_rounds: int, lame: str, amount: float) -> BodyModel:
         """A run on one lame leg."""
@@ -52,8 +47,8 @@ class BodyModel:
         step, contact = genes["step_time"], genes["step_time"] * genes["contact_share"]
         # Contacts are as long on the average as without a limp, flights are equal, and feet press equally hard.
         sound = 2.0 * contact / (2.0 - self.amount)
-        lame, flight = sound * (1.0 - self.amount), step - contact
-        left, right = (lame, sound) if self.lame == "left" else (sound, lame)
+        # The lame leg is worked out as the left one; `gait` exchanges left and right where it is the other.
+        left, right, flight = sound * (1.0 - self.amount), sound, step - contact
         share = left / (left + right)
         return Movement(
             self.layout,
@@ -75,4 +70,4 @@ class BodyModel:
         with torch.no_grad():
             movement = self.movement(genes, speed)
             state, _ = movement.solve(FINAL_ROUNDS)
-            return BodyGait.of(movement, movement.body(state))
+            return BodyGait.of(movement, movement.body(state), self.amount > 0.0 and self.lame == "right")

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from hopdiff.motion import SIDES
 from hopdiff.numerics import GRAVITY
 from hopdiff.whole_body.foot import pitch_course, sole
 from hopdiff.whole_body.grid import Grid
@@ -20,7 +21,6 @@ from hopdiff.whole_body.layout import Layout
 from hopdiff.whole_body.plan import Contact, Plan
 
 TERMS = 4  # sine terms of the vertical force
-SIDES = ("left", "right")
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,8 @@ from hopdiff.types import HopdiffError
 from hopdiff.whole_body.finish import phases, stride_motion, stride_times
 from hopdiff.whole_body.gait import BodyGait
 from hopdiff.whole_body.layout import JOINT_OF, SEGMENTS
-from tests.whole_body.bodies import DTYPE, NAMES, matrices, plain_problem, solved
+from hopdiff.whole_body.model import BodyModel
+from tests.whole_body.bodies import DTYPE, NAMES, SPEEDS, genes_of, layout_of, matrices, plain_problem, solved
 
 SIDES = ("left", "right")
 FLIP = torch.tensor([-1.0, 1.0, 1.0], dtype=DTYPE)
@@ -248,3 +249,17 @@ def test_the_problem_writes_the_stride_of_its_candidate() -> None:
     wanted = stride_motion(problem.gait(problem.start.unsqueeze(0)), 50.0)
     assert torch.equal(motion.clip.rotations, wanted.clip.rotations)
     assert torch.equal(motion.com, wanted.com)
+
+
+def test_lame_on_the_right_is_the_mirror_image_of_lame_on_the_left() -> None:
+    genes, speed = genes_of("limp"), torch.tensor([SPEEDS["limp"]], dtype=DTYPE)
+    character = layout_of().character
+    left, right = (BodyModel.limping(character, 11, 8, side, 0.3).gait(genes, speed) for side in ("left", "right"))
+    assert torch.allclose(right.contact_times, left.contact_times.flip(-1))
+    times = torch.linspace(0.0, 1.5, 40, dtype=DTYPE)
+    one, other = left.sample(times), right.sample(times + right.contacts[0, 1, 0])
+    flip = torch.tensor([-1.0, 1.0, 1.0], dtype=DTYPE)
+    assert torch.allclose(other.force, one.force.flip(2) * flip, atol=1e-9)
+    way = (other.com - one.com * flip)[0]
+    assert float((way - way[:1]).abs().max()) < 1e-9
+    assert float(right.sample(torch.zeros(1, dtype=DTYPE)).com[0, 0, 2].abs()) < 1e-9
