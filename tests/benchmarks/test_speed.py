@@ -9,6 +9,7 @@ import torch
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from hopdiff.config import build_job, compose
+from hopdiff.search.box import Box
 from hopdiff.tasks.job import search_run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,6 +25,25 @@ def test_evaluation(benchmark: BenchmarkFixture, model: str, size: int, dtype: s
     genes = torch.rand(size, problem.dimension, dtype=problem.dtype, generator=torch.Generator().manual_seed(0))
     result = benchmark.pedantic(problem.evaluate, (genes, with_grad), rounds=5, warmup_rounds=1)
     assert bool(torch.isfinite(result.cost).any())
+
+
+@pytest.mark.parametrize("with_grad", [False, True], ids=["value", "gradient"])
+@pytest.mark.parametrize("size", [1, 3, 16, 64])
+def test_whole_body_evaluation(benchmark: BenchmarkFixture, size: int, with_grad: bool) -> None:
+    """Points where searches begin."""
+    problem = build_job(compose(["model=body", "speed=3.5", "beta=0.2"])).problem
+    genes = Box.of(problem).first(size, torch.Generator().manual_seed(0))
+    result = benchmark.pedantic(problem.evaluate, (genes, with_grad), rounds=5, warmup_rounds=1)
+    assert bool(torch.isfinite(result.merit).any())
+
+
+@pytest.mark.parametrize("beta", ["0.2", "0.7"])
+def test_whole_body_search(benchmark: BenchmarkFixture, beta: str) -> None:
+    """The default search; at 0.7 with the search for the run of least cost before it."""
+    run = benchmark.pedantic(
+        lambda: search_run(build_job(compose(["model=body", "speed=3.5", f"beta={beta}"]))), rounds=1
+    )
+    assert run.metrics["cost"] < 1.0
 
 
 @pytest.mark.parametrize("search", ["ga", "gradient", "hybrid", "cmaes", "random"])
