@@ -20,7 +20,7 @@ from hopdiff.whole_body.layout import FEET, SHANKS
 
 CONVERGED = 0.02  # m and rad that the last round of the solution may go
 TOLERANCE = 0.5  # of a unit by which a limit may be overstepped at any moment
-SOFT = {Status.JOINT_LIMIT: 1.0}  # and of those that give way: a joint's range has no hard end
+SOFT = {Status.JOINT_LIMIT: 1.0, Status.SLIPPERY: 1.0}  # of those that give way, or are told in finer units
 MARGINS = {Status.JOINT_LIMIT: 0.3}  # inside of a limit, from where on it is felt
 ANGLE = 0.1  # rad
 GROUND = 0.02  # leg lengths
@@ -57,7 +57,7 @@ def excesses(run: Priced, limits: BodyLimits) -> list[Excess]:
     found.append(Excess(Status.PULLED_DOWN, -lift / GRIP, shares))
     # Where a foot hardly touches the ground it needs little grip, but the share of it tells.
     grip = sideways - limits.friction * lift.clamp_min(0.0)
-    found.append(Excess(Status.SLIPPERY, grip / (0.01 + 0.03 * lift.clamp_min(0.0)), shares))
+    found.append(Excess(Status.SLIPPERY, grip / (0.005 + 0.015 * lift.clamp_min(0.0)), shares))
     reach = torch.cat(run.body.reach, dim=-1)
     found.append(Excess(Status.LEG_OVERREACH, (reach - limits.reach) / 0.005, None))
     found += _clearance(run, limits)
