@@ -128,8 +128,11 @@ NEAR = torch.tensor([0.1 * CONVERGED], dtype=DTYPE)
 @pytest.mark.parametrize(
     ("found", "moved", "wanted"),
     [
-        ([one(Status.SLIPPERY, 0.2, -3.0)], 0.0, Status.OK),
-        ([one(Status.SLIPPERY, 0.6, -3.0)], 0.0, Status.SLIPPERY),
+        ([one(Status.LEGS_MEET, 0.2, -3.0)], 0.0, Status.OK),
+        ([one(Status.LEGS_MEET, 0.6, -3.0)], 0.0, Status.LEGS_MEET),
+        # Friction is told in units half as large.
+        ([one(Status.SLIPPERY, 0.9, -3.0)], 0.0, Status.OK),
+        ([one(Status.SLIPPERY, 1.1, -3.0)], 0.0, Status.SLIPPERY),
         # A joint's range gives way: to twice as much.
         ([one(Status.JOINT_LIMIT, 0.9)], 0.0, Status.OK),
         ([one(Status.JOINT_LIMIT, 1.1)], 0.0, Status.JOINT_LIMIT),
