@@ -8,13 +8,15 @@ import pytest
 import torch
 from torch import Tensor
 
-from hopdiff.whole_body.dynamics import ANKLES, HIPS, KNEES, Dynamics, dynamics
+from hopdiff.whole_body.dynamics import ANKLES, Dynamics, dynamics
 from hopdiff.whole_body.kinematics import Angles, all_frames, joint_places, segment_centres, trunk_frames
-from hopdiff.whole_body.layout import SEGMENTS
+from hopdiff.whole_body.layout import SEGMENTS, SHANKS, THIGHS
 from hopdiff.whole_body.movement import Body, Movement
 from hopdiff.whole_body.plan import RUN
 from hopdiff.whole_body.support import Carried
 from tests.whole_body.bodies import DTYPE, NAMES, ROUNDS, Solved, genes_of, matrices, movement_of, solved, spins
+
+HIPS, KNEES = (slice(own.start - 1, own.stop - 1) for own in (THIGHS, SHANKS))  # among the joints after the pelvis
 
 GRAVITY = 9.81
 JOINTS = SEGMENTS[1:]
