@@ -61,10 +61,8 @@ class JointSettings:
 
 @dataclass
 class CharacterSettings:
-    """A body. height: unit of all lengths, what the unchanged body measures [m]. mass [kg]. shoe: thickness of the
-    soles [body heights], under the feet of the whole-body model. proportions: how it is changed. joint_limits_deg:
-    flexion range (low, high) by joint kind.
-    """
+    """A body. height: unit of all lengths, what the unchanged body measures [m]. mass [kg]. shoe: thickness of soles
+    [height]. proportions: how it is changed. joint_limits_deg: flexion range (low, high) by joint kind."""
 
     name: str = "human"
     source: str = ""

@@ -19,7 +19,7 @@ from hopdiff.whole_body.plan import Plan
 
 PLACES = ("root", "com", "left_cop", "right_cop")  # curves that go along with the way
 TOES_AT_EASE = 0.25  # of a swing in which bent toes straighten
-TOES_BEND = math.radians(60.0)  # at most
+TOES_BEND = math.radians(60.0)  # at most, unless the ground bends them further
 
 # Curves that a movement is made of: name, how many, which of them change sign in the mirror image. Pairs are left and
 # right, and change places there.
@@ -213,7 +213,7 @@ class BodyGait:
         # Axes as columns: (P, T, S, 3, 3).
         turned = frames.permute(0, 4, 1, 3, 2)
         root = named["root"].transpose(1, 2)
-        rotations = self._rotations(turned, angles.foot.transpose(1, 2), contact, since)
+        rotations = self._bend_toes(self._rotations(turned), root, angles.foot.transpose(1, 2), contact, since)
         standing = contact.unsqueeze(-1)
         force = torch.stack([named[f"{side}_force"].transpose(1, 2) for side in SIDES], dim=2)
         cop = torch.stack([named[f"{side}_cop"].transpose(1, 2) for side in SIDES], dim=2)
@@ -239,8 +239,8 @@ class BodyGait:
             curves,
         )
 
-    def _rotations(self, turned: Tensor, pitch: Tensor, contact: Tensor, since: Tensor) -> Tensor:
-        """(P, T, 22, 3, 3) of the joints; pitch: (P, T, 2) of the feet [rad]."""
+    def _rotations(self, turned: Tensor) -> Tensor:
+        """(P, T, 22, 3, 3) of the joints, with straight toes."""
         names = self.layout.skeleton.names
         straight = torch.eye(3).to(turned).expand(*turned.shape[:2], 3, 3)
         found = dict.fromkeys(names, straight)
@@ -248,13 +248,24 @@ class BodyGait:
             own = turned[:, :, k]
             parent = PARENTS[k]
             found[JOINT_OF[segment]] = own if parent < 0 else turned[:, :, parent].transpose(-1, -2) @ own
-        # Toes stay on the ground while the heel comes up, and straighten in the air.
+        return torch.stack([found[name] for name in names], dim=2)
+
+    def _bend_toes(self, rotations: Tensor, root: Tensor, pitch: Tensor, contact: Tensor, since: Tensor) -> Tensor:
+        """The rotations with toes that lie on the ground while the heel comes up, and straighten in the air above it.
+
+        pitch: (P, T, 2) of the feet [rad].
+        """
+        skeleton = self.layout.skeleton
+        toes = [skeleton.index(f"{side}_toe") for side in SIDES]
+        height = skeleton.forward(root, rotations)[0][:, :, toes, 1].clamp_min(0.0)
+        length = (self.layout.toe - self.layout.ball).norm()
         ease = (1.0 - since / TOES_AT_EASE).clamp(0.0, 1.0)
         ease = torch.where(contact, torch.ones_like(ease), ease**2 * (3.0 - 2.0 * ease))
         bend = ease * pitch.clamp(-TOES_BEND, 0.0)
+        # As steep as toes may point down; those that do not reach the ground may as they like.
+        steepest = torch.where(height < length, (height / length).clamp(max=1.0).asin(), math.pi)
+        bend = torch.minimum(bend, pitch + steepest)
         c, s, none = bend.cos(), bend.sin(), torch.zeros_like(bend)
         rows = (none + 1.0, none, none, none, c, -s, none, s, c)
-        toes = torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
-        for k, side in enumerate(SIDES):
-            found[f"{side}_toe"] = toes[:, :, k]
-        return torch.stack([found[name] for name in names], dim=2)
+        bent = torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
+        return rotations.index_copy(2, torch.tensor(toes, device=rotations.device), bent)

@@ -91,8 +91,9 @@ def test_what_a_round_is_told_is_worked_out_before_the_rounds_that_say_so() -> N
         return 0.5 * state + 1.0
 
     fixed_point(torch.zeros(1, 1, dtype=DTYPE), one_round, prepare, 8, 0)
-    assert heard == [sum(k >= first for first in REBUILT) for k in range(8)]
-    assert len(states) == len(REBUILT)
+    # And once before all rounds.
+    assert heard == [1 + sum(k >= first for first in REBUILT) for k in range(8)]
+    assert len(states) == 1 + len(REBUILT)
 
 
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf"), 1e200])
