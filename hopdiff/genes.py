@@ -141,7 +141,7 @@ class GeneTable:
         or reaches to where the gene makes no sense (alpha at 1/2, a duty factor of 1/2, ...), an ordinary value
         outside its range, or a fixed value that makes no sense or belongs to no gene.
         """
-        froude = speed / math.sqrt(GRAVITY * leg_length)
+        froude = froude_speed(speed, leg_length)
         where = f"gene table {settings.name!r}"
         if known is not None and settings.common_eta:
             raise HopdiffError("genes.common_eta has no effect here: this model has no balance gains.")
@@ -266,6 +266,11 @@ def _check_fixed(
     least, most = senses[name]
     if not least < value < most:
         raise HopdiffError(f"{where} must lie between {least:g} and {most:g} [{rows[name].unit}], not {value:g}.")
+
+
+def froude_speed(speed: float, leg_length: float) -> float:
+    """Speed over the speed sqrt(g l) of a body with legs of length l [m]."""
+    return speed / math.sqrt(GRAVITY * leg_length)
 
 
 def at_froude(entry: Any, froude: float, where: str) -> float:

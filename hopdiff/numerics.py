@@ -29,6 +29,17 @@ def smooth_max(a: Tensor, b: Tensor | float, width: float) -> Tensor:
     return 0.5 * (a + b + torch.sqrt((a - b) ** 2 + width**2))
 
 
+def gradient_of_each(values: Tensor, inputs: Tensor) -> tuple[Tensor, Tensor]:
+    """Gradients (P, G) of values by the inputs of each (P, G), and whether they are finite (P,); 0 where they are not.
+
+    values: of some or all of P candidates that do not mix, so that one backward pass of their sum serves all.
+    """
+    (gradient,) = torch.autograd.grad(values.sum(), inputs, allow_unused=True)
+    gradient = torch.zeros_like(inputs) if gradient is None else gradient
+    finite = torch.isfinite(gradient).all(-1)
+    return torch.where(finite.unsqueeze(-1), gradient, 0.0), finite
+
+
 @lru_cache
 def _chebyshev(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Nodes on [0, 1] (ends included, ascending), differentiation, running integral, quadrature weights."""

@@ -10,13 +10,14 @@ from torch import Tensor
 from hopdiff import costs
 from hopdiff.character import Character
 from hopdiff.costs import CostSettings, Ordinary
-from hopdiff.genes import GeneTable
+from hopdiff.genes import GeneTable, froude_speed
 from hopdiff.models.base import Model
 from hopdiff.models.gait import Gait, stride_motion
 from hopdiff.models.trajectory import Trajectory
 from hopdiff.motion import Motion
+from hopdiff.numerics import gradient_of_each
 from hopdiff.search.base import Eval
-from hopdiff.types import HopdiffError, Status
+from hopdiff.types import HopdiffError, Status, check_asked
 
 
 class RunProblem:
@@ -35,10 +36,7 @@ class RunProblem:
         speed: float,
         beta: float,
     ) -> None:
-        if not (math.isfinite(speed) and speed > 0):
-            raise HopdiffError(f"speed must be a positive number of m/s, not {speed}.")
-        if not (math.isfinite(beta) and 0.0 <= beta < 1.0):
-            raise HopdiffError(f"beta must be at least 0 and below 1, not {beta}.")
+        check_asked(speed, beta)
         if settings.gamma not in ("smooth", "ratio"):
             raise HopdiffError(f"costs.gamma must be smooth or ratio, not {settings.gamma!r}.")
         self.character = character
@@ -88,7 +86,7 @@ class RunProblem:
     @property
     def froude(self) -> float:
         """Speed over the speed sqrt(g l) of the body."""
-        return self.speed / math.sqrt(costs.GRAVITY * self.character.leg_length)
+        return froude_speed(self.speed, self.character.leg_length)
 
     def trajectory(self, genes: Tensor) -> Trajectory:
         """One step of every candidate; genes (P, G) in the unit box."""
@@ -129,10 +127,7 @@ class RunProblem:
             computable = torch.isfinite(merit) & (status != int(Status.STANCE_UNSOLVED))
             gradient = None
             if with_grad:
-                # Candidates do not mix, so one backward pass of the sum gives every candidate's own gradient.
-                (gradient,) = torch.autograd.grad(merit[computable].sum(), genes, allow_unused=True)
-                gradient = torch.zeros_like(genes) if gradient is None else gradient
-                gradient = torch.where(torch.isfinite(gradient).all(-1, keepdim=True), gradient, 0.0)
+                gradient, _ = gradient_of_each(merit[computable], genes)
         merit = merit.detach()
         infinite = torch.full_like(merit, torch.inf)
         merit = torch.where(computable, merit, infinite)

@@ -12,11 +12,20 @@ World axes: x to the runner's left, y up, z forward (heading 0 = +z).
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 
 
 class HopdiffError(Exception):
     """Something the user can put right; its text is one sentence that names the culprit."""
+
+
+def check_asked(speed: float, beta: float) -> None:
+    """Raises HopdiffError if speed [m/s] is not positive and finite, or beta not in [0, 1)."""
+    if not (math.isfinite(speed) and speed > 0):
+        raise HopdiffError(f"speed must be a positive number of m/s, not {speed}.")
+    if not (math.isfinite(beta) and 0.0 <= beta < 1.0):
+        raise HopdiffError(f"beta must be at least 0 and below 1, not {beta}.")
 
 
 class Status(IntEnum):

@@ -13,13 +13,13 @@ from hopdiff.effort.limits import Excess, excesses, penalty, status_of
 from hopdiff.effort.priced import Priced
 from hopdiff.effort.settings import EffortSettings
 from hopdiff.effort.terms import ORDINARY_BETA, Asked, Muscles, energy_rate, energy_ratio, terms_of
-from hopdiff.genes import GeneTable, at_froude
+from hopdiff.genes import GeneTable, at_froude, froude_speed
 from hopdiff.motion import Motion
-from hopdiff.numerics import GRAVITY
+from hopdiff.numerics import GRAVITY, gradient_of_each
 from hopdiff.search.base import Eval
 from hopdiff.search.gradient import Gradient
 from hopdiff.search.loop import Budget, run_search
-from hopdiff.types import HopdiffError, Status
+from hopdiff.types import HopdiffError, Status, check_asked
 from hopdiff.whole_body.dynamics import dynamics
 from hopdiff.whole_body.finish import stride_motion
 from hopdiff.whole_body.gait import BodyGait
@@ -61,10 +61,7 @@ class BodyProblem:
         speed: float,
         beta: float,
     ) -> None:
-        if not (math.isfinite(speed) and speed > 0):
-            raise HopdiffError(f"speed must be a positive number of m/s, not {speed}.")
-        if not (math.isfinite(beta) and 0.0 <= beta < 1.0):
-            raise HopdiffError(f"beta must be at least 0 and below 1, not {beta}.")
+        check_asked(speed, beta)
         _check(settings)
         self.character, self.table, self.model, self.settings = character, table, model, settings
         self.speed, self.beta = float(speed), float(beta)
@@ -99,7 +96,7 @@ class BodyProblem:
     @property
     def froude(self) -> float:
         """Speed over the speed sqrt(g l) of the body."""
-        return self.speed / math.sqrt(GRAVITY * self.character.leg_length)
+        return froude_speed(self.speed, self.character.leg_length)
 
     def _least(self) -> Least:
         """The run of least cost: given by the settings, or searched for, the same way whatever the user's search is."""
@@ -182,11 +179,7 @@ class BodyProblem:
             computable = torch.isfinite(merit) & (run.moved < LOST)
             gradient = None
             if with_grad:
-                # Candidates do not mix, so one backward pass of the sum gives every candidate's own gradient.
-                (gradient,) = torch.autograd.grad(merit[computable].sum(), genes, allow_unused=True)
-                gradient = torch.zeros_like(genes) if gradient is None else gradient
-                sound = torch.isfinite(gradient).all(-1)
-                gradient = torch.where(sound.unsqueeze(-1), gradient, 0.0)
+                gradient, sound = gradient_of_each(merit[computable], genes)
                 computable = computable & sound
         merit = torch.where(computable, merit.detach(), torch.inf)
         cost = torch.where(status == int(Status.OK), merit, torch.inf)
