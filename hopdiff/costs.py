@@ -73,7 +73,7 @@ class CostSettings:
     limits: LimitSettings = field(default_factory=LimitSettings)
 
 
-class Ordinary(NamedTuple):
+class Calibration(NamedTuple):
     """What everyday running of one body at one speed measures; calibrates energy and style."""
 
     energy_unit: float
@@ -159,7 +159,7 @@ def arm_swing(trajectory: Trajectory) -> Tensor:
     return safe_sqrt(((arms - mean) ** 2 * share).sum((1, 2)))
 
 
-def style_mismatch(trajectory: Trajectory, ordinary: Ordinary, style: StyleSettings, beta: float) -> Tensor:
+def style_mismatch(trajectory: Trajectory, ordinary: Calibration, style: StyleSettings, beta: float) -> Tensor:
     """Squared logarithmic distance from what the briskness asks, summed over the quantities of the style (P,)."""
     growth = math.log(max(energy_target(beta), CALMEST * ORDINARY_TARGET) / ORDINARY_TARGET)
     total = torch.zeros_like(trajectory.speed)

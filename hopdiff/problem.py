@@ -9,7 +9,7 @@ from torch import Tensor
 
 from hopdiff import costs
 from hopdiff.character import Character
-from hopdiff.costs import CostSettings, Ordinary
+from hopdiff.costs import Calibration, CostSettings
 from hopdiff.genes import GeneTable, froude_speed
 from hopdiff.models.base import Model
 from hopdiff.models.gait import Gait, stride_motion
@@ -65,7 +65,7 @@ class RunProblem:
     def device(self) -> torch.device:
         return self.table.low.device
 
-    def _measure_ordinary(self) -> Ordinary:
+    def _measure_ordinary(self) -> Calibration:
         with torch.no_grad():
             # The everyday run, whatever genes are fixed: the unit of energy must not depend on them.
             trajectory = self.model.sound.trajectory(self.table.everyday, self.table.low.new_tensor([self.speed]))
@@ -75,7 +75,7 @@ class RunProblem:
                     f"no ordinary run exists at speed={self.speed:g} for character {self.character.name!r};"
                     f" Froude speed {self.froude:.2f} lies outside of what the gene table describes."
                 )
-            return Ordinary(
+            return Calibration(
                 raw / costs.ORDINARY_TARGET,
                 float(trajectory.contact_time),
                 float(trajectory.flight_time),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from hopdiff import costs
-from hopdiff.costs import LimitSettings, Ordinary, StyleSettings
+from hopdiff.costs import Calibration, LimitSettings, StyleSettings
 from hopdiff.models.thesis import ThesisModel
 from hopdiff.models.trajectory import JOINT_CHANNELS, Trajectory
 from hopdiff.numerics import GRAVITY, chebyshev_nodes
@@ -190,7 +190,7 @@ def test_bounce_is_the_travel_of_the_centre_of_mass() -> None:
 
 
 def test_the_ordinary_run_has_its_own_style() -> None:
-    usual: Ordinary = problem().ordinary
+    usual: Calibration = problem().ordinary
     assert float(costs.style_mismatch(ordinary(), usual, StyleSettings(), 0.2)) == pytest.approx(0.0, abs=1e-12)
     slower = ordinary()._replace(contact_time=ordinary().contact_time * math.e)
     assert float(costs.style_mismatch(slower, usual, StyleSettings(), 0.2)) >= 1.0

@@ -14,7 +14,7 @@ from experiments.edits.cases import NAMED, Case, grid
 from hopdiff.editing.contacts import find_contacts, slide_numbers
 from hopdiff.editing.feet import clean_feet
 from hopdiff.editing.laplacian import laplacian
-from hopdiff.editing.legs import facing, find_legs
+from hopdiff.editing.leg_joints import facing, find_legs
 from hopdiff.editing.measure import path_measures
 from hopdiff.editing.root_path import RootPath, path_of, root_path, steps_of, with_root_path
 from hopdiff.editing.solve import SolveSettings

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from experiments.exports.runs import BVH_OPTIONS
-from hopdiff.editing.legs import SIDES
+from hopdiff.editing.leg_joints import SIDES
 from hopdiff.export.anatomy import parts_of
 from hopdiff.export.fbx import run_in_blender
 from hopdiff.export.settings import UNITS, ExportSettings

@@ -11,7 +11,7 @@ from scipy.ndimage import uniform_filter1d
 from torch import Tensor
 
 from hopdiff.editing.contacts import spans
-from hopdiff.editing.legs import SIDES
+from hopdiff.editing.leg_joints import SIDES
 from hopdiff.export.anatomy import parts_of
 from hopdiff.export.take import Take
 from hopdiff.geometry.clip import Clip

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from hopdiff.editing.legs import Leg
+from hopdiff.editing.leg_joints import Leg
 from hopdiff.geometry.clip import Clip
 
 LOW = 0.04  # m above its own floor up to which a point may stand

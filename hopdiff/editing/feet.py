@@ -16,7 +16,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from hopdiff.editing.contacts import Contacts, contact_points
-from hopdiff.editing.legs import Leg
+from hopdiff.editing.leg_joints import Leg
 from hopdiff.editing.root_path import root_path
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation, between_directions, rotation_about

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdiff.editing.legs import SIDES, find_legs, plain_name
+from hopdiff.editing.leg_joints import SIDES, find_legs, plain_name
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from hopdiff.editing.contacts import spans
 from hopdiff.editing.feet import RAMP, REACH, SETTLING, reached
-from hopdiff.editing.legs import Leg
+from hopdiff.editing.leg_joints import Leg
 from hopdiff.editing.loop import repeated, repetitions
 from hopdiff.export.target import Target
 from hopdiff.geometry.clip import Clip

@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.editing.contacts import spans
-from hopdiff.editing.legs import SIDES
+from hopdiff.editing.leg_joints import SIDES
 from hopdiff.editing.loop import repetitions
 from hopdiff.export.anatomy import parts_of
 from hopdiff.export.glb import glb_bytes

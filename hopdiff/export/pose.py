@@ -8,7 +8,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from hopdiff.editing.legs import SIDES, plain_name
+from hopdiff.editing.leg_joints import SIDES, plain_name
 from hopdiff.export.anatomy import parts_of
 from hopdiff.export.take import Take
 from hopdiff.geometry.rotation import between_directions

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.editing.contacts import spans
-from hopdiff.editing.legs import SIDES
+from hopdiff.editing.leg_joints import SIDES
 from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.export.planting import Sole, foot_points, planted
 from hopdiff.export.prepare import with_way_on_root

@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from hopdiff.editing.contacts import spans
 from hopdiff.editing.feet import reached
-from hopdiff.editing.legs import Leg
+from hopdiff.editing.leg_joints import Leg
 from hopdiff.export.take import Take
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton

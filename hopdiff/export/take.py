@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.editing.contacts import contact_points, find_contacts
-from hopdiff.editing.legs import find_legs
+from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.loop import is_loop, repeated, repetitions
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.quaternion import slerp

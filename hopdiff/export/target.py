@@ -15,7 +15,7 @@ import torch
 import yaml
 from torch import Tensor
 
-from hopdiff.editing.legs import SIDES, Leg
+from hopdiff.editing.leg_joints import SIDES, Leg
 from hopdiff.export.anatomy import SCHEMES, parts_of
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton

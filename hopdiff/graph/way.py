@@ -23,12 +23,12 @@ from hopdiff.editing.targets import edit_path as default_edit
 from hopdiff.geometry.clip import Clip
 from hopdiff.graph.blend import Piece, assemble
 from hopdiff.graph.graph import MotionGraph
-from hopdiff.graph.legs import Finder, cut_way, pieces_of, start_states
 from hopdiff.graph.moves import Moves
 from hopdiff.graph.scene import Place, Scene
-from hopdiff.graph.search import Budget, Found
+from hopdiff.graph.sections import Finder, cut_way, pieces_of, start_states
 from hopdiff.graph.settings import WaySettings
 from hopdiff.graph.space import FreeSpace
+from hopdiff.graph.way_search import Allowance, Found
 from hopdiff.types import HopdiffError
 
 EditPath = Callable[[RootPath, Sequence[Constraint], float], EditedPath]
@@ -85,7 +85,7 @@ def find_way(
             f"no way leads from the start {list(start.position)} to the goal {list(goal.position)} "
             f"for a body {2 * settings.half_width:g} m wide."
         )
-    finder = Finder(graph, space, goal, ways, settings, Budget(begun + settings.seconds))
+    finder = Finder(graph, space, goal, ways, settings, Allowance(begun + settings.seconds))
     states = start_states(graph, start, settings)
     tried = 0
     for legs in _cuts(max(1, math.ceil(length / settings.leg))):

@@ -9,7 +9,7 @@ from typing import Any
 
 from hopdiff.editing.contacts import Contacts, find_contacts, slide_numbers
 from hopdiff.editing.feet import clean_feet
-from hopdiff.editing.legs import Leg, facing, find_legs
+from hopdiff.editing.leg_joints import Leg, facing, find_legs
 from hopdiff.editing.loop import is_loop, repeated
 from hopdiff.editing.measure import path_measures
 from hopdiff.editing.paper import edit_path_as_paper

@@ -10,7 +10,7 @@ from typing import Any
 
 from hopdiff.editing.contacts import find_contacts, slide_numbers
 from hopdiff.editing.feet import clean_feet
-from hopdiff.editing.legs import find_legs
+from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.measure import path_measures
 from hopdiff.graph.graph import THRESHOLD, WINDOW, build_graph
 from hopdiff.graph.scene import Place, Scene

@@ -21,7 +21,7 @@ from hopdiff.whole_body.fixed_point import fixed_point
 from hopdiff.whole_body.grid import Grid
 from hopdiff.whole_body.kinematics import Angles, all_frames, joint_places, segment_centres, trunk_frames
 from hopdiff.whole_body.layout import CHEST, PELVIS, THIGHS, UPPER_BODY, WAIST, Layout
-from hopdiff.whole_body.legs import Legs
+from hopdiff.whole_body.leg_poses import Legs
 from hopdiff.whole_body.plan import Plan
 from hopdiff.whole_body.support import Carried, Support
 

@@ -11,7 +11,7 @@ import torch
 
 from hopdiff.editing.contacts import Contacts, find_contacts, slide_numbers, spans
 from hopdiff.editing.feet import clean_feet
-from hopdiff.editing.legs import find_legs
+from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.loop import repeated
 from hopdiff.editing.root_path import RootPath, root_path, with_root_path
 from hopdiff.editing.targets import Constraint, edit_path

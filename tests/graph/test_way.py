@@ -12,14 +12,14 @@ import torch
 from hopdiff.editing.root_path import RootPath, root_path
 from hopdiff.editing.targets import Constraint, EditedPath, edit_path
 from hopdiff.graph.graph import MotionGraph, build_graph
-from hopdiff.graph.legs import cut_way
 from hopdiff.graph.moves import moves_of, standing
 from hopdiff.graph.scene import Place, Scene
 from hopdiff.graph.scene_file import read_scene
-from hopdiff.graph.search import Budget, Goal, Search, State
+from hopdiff.graph.sections import cut_way
 from hopdiff.graph.settings import WaySettings
 from hopdiff.graph.space import FreeSpace
 from hopdiff.graph.way import Way, find_way
+from hopdiff.graph.way_search import Allowance, Goal, State, WaySearch
 from hopdiff.types import HopdiffError
 from tests.graph.rooms import hall, split_hall, two_rooms
 from tests.graph.walkers import angles_between, mocap, walker, wanderer
@@ -117,7 +117,7 @@ def test_the_search_alone_finds_the_quickest_of_all_walks() -> None:
     settings = WaySettings(weight=1.0, radius=0.1, angle_deg=10.0)
     everywhere = np.ones(graph.frames, dtype=bool)
     goal = Goal(25.0 + 3.0j, 0.0, True)
-    search = Search(moves_of(graph), space.grid, ways, goal, everywhere, settings, Budget(math.inf))
+    search = WaySearch(moves_of(graph), space.grid, ways, goal, everywhere, settings, Allowance(math.inf))
     found = next(search.ways_from([State(frame, 2.0 + 3.0j, 0.0) for frame in range(0, graph.frames, 5)]))
     assert found.frames / 30.0 == pytest.approx(23.0 / 1.2, rel=0.02)
     assert found.gap[0] <= 0.1

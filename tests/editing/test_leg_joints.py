@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from hopdiff.editing.legs import Leg, facing, find_legs
+from hopdiff.editing.leg_joints import Leg, facing, find_legs
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError

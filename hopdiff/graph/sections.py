@@ -13,9 +13,9 @@ from hopdiff.graph.blend import Piece
 from hopdiff.graph.graph import MotionGraph
 from hopdiff.graph.moves import Moves, moves_of, standing, stretches
 from hopdiff.graph.scene import Place
-from hopdiff.graph.search import NOWHERE, Budget, Found, Goal, Search, State
 from hopdiff.graph.settings import WaySettings
 from hopdiff.graph.space import FreeSpace, Geodesic
+from hopdiff.graph.way_search import NOWHERE, Allowance, Found, Goal, State, WaySearch
 from hopdiff.types import HopdiffError
 
 LEG_TRIES = 6  # ways to a point on the way from which it is tried to go on
@@ -33,7 +33,7 @@ class Finder:
         goal: Place,
         ways: Geodesic,
         settings: WaySettings,
-        budget: Budget,
+        budget: Allowance,
     ) -> None:
         self.graph, self.space, self.goal, self.ways = graph, space, goal, ways
         self.settings, self.budget = settings, budget
@@ -67,17 +67,17 @@ class Finder:
             searches.append(self._search(goals[k], grids[k]))
             legs.append(self._ways(searches[-1], [found.state], k + 1 == len(goals)))
 
-    def _search(self, goal: Goal, ways: Geodesic) -> Search:
+    def _search(self, goal: Goal, ways: Geodesic) -> WaySearch:
         ends = self.ends if goal.last else self.everywhere
-        return Search(self.moves, self.space.grid, ways, goal, ends, self.settings, self.budget)
+        return WaySearch(self.moves, self.space.grid, ways, goal, ends, self.settings, self.budget)
 
-    def _ways(self, search: Search, states: Sequence[State], last: bool) -> Iterator[Found]:
+    def _ways(self, search: WaySearch, states: Sequence[State], last: bool) -> Iterator[Found]:
         for k, found in enumerate(search.ways_from(states)):
             yield found
             if not last and k + 1 >= LEG_TRIES:
                 return
 
-    def _note(self, search: Search) -> None:
+    def _note(self, search: WaySearch) -> None:
         """Remember how near to the goal a search came."""
         if search.goal.last and search.badness(search.nearest) < search.badness(self.nearest):
             self.nearest = search.nearest

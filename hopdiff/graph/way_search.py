@@ -67,7 +67,7 @@ class Found:
 
 
 @dataclass
-class Budget:
+class Allowance:
     """What is left of time and work, and what was done with it. deadline: of time.perf_counter [s]."""
 
     deadline: float
@@ -78,7 +78,7 @@ class Budget:
         return time.perf_counter() > self.deadline
 
 
-class Search:
+class WaySearch:
     """One search, from states to a goal; iterate `ways_from` for ways, the best ones first.
 
     ends: (N,) frames that the way may end in. Afterwards `nearest` is the gap of the state that came nearest to the
@@ -93,7 +93,7 @@ class Search:
         goal: Goal,
         ends: NDArray[np.bool_],
         settings: WaySettings,
-        budget: Budget,
+        budget: Allowance,
     ) -> None:
         self.moves, self.grid, self.ways, self.goal, self.ends = moves, grid, ways, goal, ends
         self.settings, self.budget = settings, budget
