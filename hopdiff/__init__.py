@@ -1,4 +1,11 @@
-"""hopdiff: human running motion from a speed and a briskness, without motion capture."""
+"""hopdiff: human running motion from a speed and a briskness, without motion capture.
+
+    run = hopdiff.generate(speed=5, beta=0.7)
+    hopdiff.save(run, "out", "glb", "bvh_unreal")
+
+Everything below is public; units are SI and radians unless a name ends in _deg or _bw. From the command line:
+python -m hopdiff --help. Guides and the meaning of every setting: docs/.
+"""
 
 from __future__ import annotations
 
@@ -23,3 +30,8 @@ def __getattr__(name: str) -> Any:
 
         return HopdiffError
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """The public names, those that are loaded when first used included: what help(hopdiff) lists."""
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,94 @@
+"""The page of the API: which names it lists, and the house's docstrings as Sphinx reads them."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import hopdiff
+
+# What the names of `hopdiff.__all__` return and take.
+OTHERS = (
+    "hopdiff.tasks.job.Run",
+    "hopdiff.motion.Motion",
+    "hopdiff.motion.Phase",
+    "hopdiff.geometry.clip.Clip",
+    "hopdiff.geometry.skeleton.Skeleton",
+    "hopdiff.export.take.Take",
+    "hopdiff.export.take.Segments",
+    "hopdiff.search.loop.HistoryRow",
+)
+
+
+def api_page() -> str:
+    """The generated part of the page as Markdown: a heading a name, and Sphinx's directive below it."""
+    public = [f"hopdiff.{name}" for name in hopdiff.__all__ if not name.startswith("__")]
+    known = {getattr(hopdiff, name) for name in hopdiff.__all__ if not name.startswith("__")}
+    others = [name for name in OTHERS if _object(name) not in known]
+    return "\n\n".join(
+        ("## Names of the package", *map(_entry, public), "## What they take and return", *map(_entry, others))
+    )
+
+
+def _object(name: str) -> Any:
+    module, _, attribute = name.rpartition(".")
+    return getattr(__import__(module, fromlist=[attribute]), attribute)
+
+
+def _entry(name: str) -> str:
+    found = _object(name)
+    kind = "function"
+    if inspect.isclass(found):
+        kind = "exception" if issubclass(found, Exception) else "class"
+    members = "   :members:\n" if kind == "class" else ""
+    return f"### {name.rpartition('.')[2]}\n\n```{{eval-rst}}\n.. auto{kind}:: {name}\n{members}```"
+
+
+def as_rst(app: Any, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
+    """A docstring of the house as reStructuredText: fields as a list, errors apart, single back quotes as code."""
+    fielded = _fields(found)
+    made: list[str] = []
+    for paragraph in re.split(r"\n\n|\n\s*(?=Raises )", "\n".join(lines).strip()):
+        text = " ".join(paragraph.split())
+        cuts = [match.start() for match in re.finditer(_LABEL, text) if _names(match[1]) <= fielded]
+        for start, end in zip([0, *cuts], [*cuts, len(text)], strict=True):
+            if part := text[start:end].strip():
+                label = re.match(_LABEL, part) if start in cuts else None
+                made += [f"* **{label[1]}**: {_escaped(part[label.end() :])}" if label else _escaped(part), ""]
+    lines[:] = made
+
+
+def shown_signature(
+    app: Any, what: str, name: str, found: Any, options: Any, signature: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """A signature that Sphinx can read: a default that is made anew each time has no literal."""
+    return (signature and signature.replace("<factory>", "..."), returned)
+
+
+_LABEL = r"(?<![^\s])((?:[a-z_]\w*, )*[a-z_]\w*(?: \[[^\]]+\])?): "
+
+
+def _names(label: str) -> set[str]:
+    return set(re.sub(r" \[[^\]]+\]", "", label).split(", "))
+
+
+def _fields(found: Any) -> set[str]:
+    """Names of the parameters or fields of an object."""
+    names: set[str] = set()
+    if is_dataclass(found):
+        names |= {entry.name for entry in fields(found)}
+    names |= set(getattr(found, "_fields", ()))
+    with suppress(TypeError, ValueError):  # not every class tells its parameters
+        names |= set(inspect.signature(found).parameters)
+    return names
+
+
+def _escaped(text: str) -> str:
+    """Single back quotes doubled; signs of reStructuredText outside of them escaped."""
+    parts = re.split(r"(`+[^`]*`+)", text)
+    return "".join(
+        f"``{part.strip('`')}``" if k % 2 else re.sub(r"([*|]|\b_|_\b)", r"\\\1", part) for k, part in enumerate(parts)
+    )

@@ -1,0 +1,223 @@
+"""The page of all settings, made from the files below conf/: names, defaults and the comments beside them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+from yaml import MappingNode, Mark, Node, ScalarNode, SequenceNode
+
+ASIDE = ("hydra", "scenes")  # folders of other things than settings
+GROUPS = {
+    "task": "What is done.",
+    "model": "How a run is made from its genes.",
+    "costs": "What a run is judged by.",
+    "genes": "The free numbers of a run and their ranges.",
+    "search": "How the best run is looked for.",
+    "character": "The body.",
+    "export": "Forms for other programs, as `export=[glb,html]`. Its settings are called `exports.NAME.SETTING`.",
+    "experiment": "Settings that go together, added with a plus: `+experiment=brisk`.",
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One setting: dotted name, default as it is written, the comment beside it, and the heading it stands under."""
+
+    name: str
+    value: str
+    comment: str
+    heading: str
+
+
+@dataclass
+class File:
+    """One file of settings. prefix: what its names begin with on the command line. chosen: of its defaults list."""
+
+    name: str
+    said: str = ""
+    prefix: str = ""
+    entries: list[Entry] = field(default_factory=list)
+    chosen: list[str] = field(default_factory=list)
+
+
+def read_file(path: Path, group: str = "", name: str = "") -> File:
+    """The settings of a file of a group, in their order."""
+    text = path.read_text(encoding="utf-8")
+    lines = text.splitlines()
+    file = File(name or path.stem, prefix=f"{group}." if group else "")
+    head = []
+    for line in lines:
+        if not line.startswith("#"):
+            break
+        head.append(line.lstrip("# ").rstrip())
+    if head and (package := re.fullmatch(r"@package (\S+)", head[0])):
+        file.prefix = "" if package[1] == "_global_" else f"{package[1]}."
+        head = head[1:]
+    file.said = " ".join(head)
+    tree = yaml.compose(text)
+    if isinstance(tree, MappingNode):
+        for key, value in tree.value:
+            if key.value == "defaults":
+                file.chosen = list(_chosen(value))
+        file.entries = [
+            entry for entry in _entries(tree, text, lines, file.prefix) if not entry.name.startswith("defaults")
+        ]
+    return file
+
+
+def _chosen(node: SequenceNode) -> Iterator[str]:
+    """The entries of a defaults list as they would be typed."""
+    for one in node.value:
+        if isinstance(one, MappingNode):
+            for key, value in one.value:
+                shown = value.value if isinstance(value, ScalarNode) else "[]"
+                yield f"{key.value.removeprefix('override ').lstrip('/')}={shown}"
+        elif one.value != "_self_":
+            yield one.value
+
+
+def _entries(node: MappingNode, text: str, lines: list[str], prefix: str) -> Iterator[Entry]:
+    heading = ""
+    last = node.value[0][0].start_mark.line if node.value else 0
+    for key, value in node.value:
+        heading = _heading(lines, last, key.start_mark.line, key.start_mark.column) or heading
+        last = _end(value).line + 1
+        name = f"{prefix}{key.value}"
+        if isinstance(value, MappingNode) and not value.flow_style and value.value:
+            said = _comment(lines, key.end_mark.line, key.end_mark.column)
+            if said:
+                yield Entry(name, "", said, heading)
+            for entry in _entries(value, text, lines, f"{name}."):
+                yield entry if entry.heading else Entry(entry.name, entry.value, entry.comment, heading)
+            continue
+        end = _end(value)
+        written = " ".join(text[value.start_mark.index : end.index].split())
+        yield Entry(name, written, _comment(lines, end.line, end.column), heading)
+
+
+def _end(node: Node) -> Mark:
+    """Where a node ends; a block of lines ends with its last entry, not where the next one begins."""
+    if isinstance(node, MappingNode | SequenceNode) and not node.flow_style and node.value:
+        last = node.value[-1]
+        return _end(last[1] if isinstance(last, tuple) else last)
+    return node.end_mark
+
+
+def _comment(lines: list[str], line: int, column: int) -> str:
+    """The comment after a place, with the lines that go on with it in the same column."""
+    if line >= len(lines) or (found := re.search(r"(?:^|\s)#", lines[line][column:])) is None:
+        return ""
+    start = column + found.end() - 1
+    said = [lines[line][start + 1 :]]
+    for after in lines[line + 1 :]:
+        if not (after.lstrip().startswith("#") and after.index("#") == start):
+            break
+        said.append(after[start + 1 :])
+    return " ".join(part.strip() for part in said)
+
+
+def _heading(lines: list[str], first: int, line: int, column: int) -> str:
+    """The comment of its own above a setting, as `# -- time and force --`."""
+    said = [one.strip() for one in lines[first:line] if one.startswith(" " * column + "#")]
+    return " ".join(one.strip("# -") for one in said)
+
+
+def read_all(conf: Path) -> dict[str, list[File]]:
+    """Every file of settings by group; the file of the general settings under ""."""
+    found = {"": [read_file(conf / "config.yaml")]}
+    for folder in sorted(path for path in conf.iterdir() if path.is_dir() and path.name not in ASIDE):
+        found[folder.name] = [
+            read_file(path, folder.name, path.relative_to(folder).with_suffix("").as_posix())
+            for path in sorted(folder.rglob("*.yaml"))
+        ]
+    return {group: found[group] for group in sorted(found, key=_rank)}
+
+
+def _rank(group: str) -> tuple[int, str]:
+    known = ["", *GROUPS]
+    return (known.index(group) if group in known else len(known) - 1, group)
+
+
+def settings_page(conf: Path) -> str:
+    """The generated part of the page as Markdown."""
+    files = read_all(conf)
+    chosen = dict(choice.split("=", 1) for choice in files[""][0].chosen if "=" in choice)
+    parts = ["## Groups and their choices", _choices(files, chosen), "## General settings", *_general(files[""][0])]
+    for group, choices in files.items():
+        if group and group != "experiment":
+            parts += [f"## {group}", GROUPS.get(group, ""), _table(("choice", "what it is"), _said(choices, group))]
+            for file in choices:
+                if rows := [entry for entry in file.entries if entry.name != f"{group}.name"]:
+                    parts += [f"### {group}={file.name}", _settings(rows)]
+    parts += ["## experiment", GROUPS["experiment"], _experiments(files.get("experiment", []))]
+    scenes = [(file.stem, read_file(file).said) for file in sorted((conf / "scenes").glob("*.yaml"))]
+    parts += ["## Scenes", "Of `task=navigate`: `scene=NAME`, or a [file of your own](formats.md#scenes)."]
+    parts += [_table(("scene", "what it is"), [(f"`{name}`", _plain(said)) for name, said in scenes])]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _choices(files: dict[str, list[File]], chosen: dict[str, str]) -> str:
+    rows = []
+    for group, choices in files.items():
+        if group:
+            names = [file.name for file in choices if not file.name.startswith("of_")]
+            shown = names if len(names) <= 20 else [name for name in names if "/" not in name] + ["..."]
+            default = chosen.get(group, "").replace("${model}", "MODEL")
+            rows.append((f"[`{group}`](#{group})", _code(default), ", ".join(f"`{name}`" for name in shown)))
+    return _table(("group", "default", "choices"), rows)
+
+
+def _general(file: File) -> Iterator[str]:
+    """The general settings: those without a section first, then section by section."""
+    sections = list(dict.fromkeys(entry.name.split(".")[0] for entry in file.entries if "." in entry.name))
+    said = {entry.name: entry.comment for entry in file.entries if entry.name in sections}
+    yield _settings([entry for entry in file.entries if "." not in entry.name and entry.name not in said])
+    for section in sections:
+        yield f"### {section}"
+        yield _plain(said.get(section, ""))
+        yield _settings([entry for entry in file.entries if entry.name.startswith(f"{section}.")])
+
+
+def _settings(entries: list[Entry]) -> str:
+    """Tables of settings, one a heading; a section without a value of its own is a row with its comment."""
+    parts, rows, heading = [], [], ""
+    for entry in entries:
+        if entry.heading != heading:
+            parts += [_table(SETTING, rows)] if rows else []
+            parts += [f"**{_plain(entry.heading)}**"] if entry.heading else []
+            rows, heading = [], entry.heading
+        rows.append((f"`{entry.name}`", _code(entry.value), _plain(entry.comment)))
+    return "\n\n".join([*parts, _table(SETTING, rows)])
+
+
+SETTING = ("setting", "default", "what it is")
+
+
+def _said(choices: list[File], group: str) -> list[tuple[str, str]]:
+    return [(f"`{group}={file.name}`", _plain(file.said)) for file in choices]
+
+
+def _experiments(files: list[File]) -> str:
+    rows = []
+    for file in files:
+        sets = [*file.chosen, *(f"{entry.name}={entry.value}" for entry in file.entries if entry.value)]
+        rows.append((f"`+experiment={file.name}`", _plain(file.said), " ".join(map(_code, sets))))
+    return _table(("experiment", "what it is", "sets"), rows)
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ("---",) * len(head), *rows))
+
+
+def _code(text: str) -> str:
+    return f"`{text.replace('|', chr(92) + '|')}`" if text else ""
+
+
+def _plain(text: str) -> str:
+    """Text whose signs mean nothing to Markdown; what stands in back quotes stays code."""
+    parts = re.split(r"(`[^`]*`)", text)
+    return "".join(part if k % 2 else re.sub(r"([\\*_$|\[\]{}<>#])", r"\\\1", part) for k, part in enumerate(parts))
