@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import inspect
 import re
-from contextlib import suppress
-from dataclasses import fields, is_dataclass
 from typing import Any
+
+from site_docstrings import fields_of, parts
 
 import hopdiff
 
@@ -49,15 +49,9 @@ def _entry(name: str) -> str:
 
 def as_rst(app: Any, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
     """A docstring of the house as reStructuredText: fields as a list, errors apart, single back quotes as code."""
-    fielded = _fields(found)
     made: list[str] = []
-    for paragraph in re.split(r"\n\n|\n\s*(?=Raises )", "\n".join(lines).strip()):
-        text = " ".join(paragraph.split())
-        cuts = [match.start() for match in re.finditer(_LABEL, text) if _names(match[1]) <= fielded]
-        for start, end in zip([0, *cuts], [*cuts, len(text)], strict=True):
-            if part := text[start:end].strip():
-                label = re.match(_LABEL, part) if start in cuts else None
-                made += [f"* **{label[1]}**: {_escaped(part[label.end() :])}" if label else _escaped(part), ""]
+    for label, text in parts("\n".join(lines), fields_of(found)):
+        made += [f"* **{label}**: {_escaped(text)}" if label else _escaped(text), ""]
     lines[:] = made
 
 
@@ -68,27 +62,9 @@ def shown_signature(
     return (signature and signature.replace("<factory>", "..."), returned)
 
 
-_LABEL = r"(?<![^\s])((?:[a-z_]\w*, )*[a-z_]\w*(?: \[[^\]]+\])?): "
-
-
-def _names(label: str) -> set[str]:
-    return set(re.sub(r" \[[^\]]+\]", "", label).split(", "))
-
-
-def _fields(found: Any) -> set[str]:
-    """Names of the parameters or fields of an object."""
-    names: set[str] = set()
-    if is_dataclass(found):
-        names |= {entry.name for entry in fields(found)}
-    names |= set(getattr(found, "_fields", ()))
-    with suppress(TypeError, ValueError):  # not every class tells its parameters
-        names |= set(inspect.signature(found).parameters)
-    return names
-
-
 def _escaped(text: str) -> str:
     """Single back quotes doubled; signs of reStructuredText outside of them escaped."""
-    parts = re.split(r"(`+[^`]*`+)", text)
+    pieces = re.split(r"(`+[^`]*`+)", text)
     return "".join(
-        f"``{part.strip('`')}``" if k % 2 else re.sub(r"([*|]|\b_|_\b)", r"\\\1", part) for k, part in enumerate(parts)
+        f"``{part.strip('`')}``" if k % 2 else re.sub(r"([*|]|\b_|_\b)", r"\\\1", part) for k, part in enumerate(pieces)
     )

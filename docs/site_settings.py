@@ -1,16 +1,25 @@
-"""The page of all settings, made from the files below conf/: names, defaults and the comments beside them."""
+"""The page of all settings, made from the files below conf/: names, defaults and the comments beside them.
+
+Searches and exports have their defaults in a class; those are taken from there.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, field, fields, replace
+from itertools import takewhile
 from pathlib import Path
+from typing import Any
 
 import yaml
+from site_docstrings import said_of_fields
 from yaml import MappingNode, Mark, Node, ScalarNode, SequenceNode
 
-ASIDE = ("hydra", "scenes")  # folders of other things than settings
+from hopdiff.export.settings import ExportSettings
+from hopdiff.search import SEARCHES
+
+ASIDE = ("hydra", "scenes", "shared")  # folders of other things than choices of a group
 GROUPS = {
     "task": "What is done.",
     "model": "How a run is made from its genes.",
@@ -35,38 +44,50 @@ class Entry:
 
 @dataclass
 class File:
-    """One file of settings. prefix: what its names begin with on the command line. chosen: of its defaults list."""
+    """One file of settings. prefix: what its names begin with on the command line. chosen: of its defaults list.
+
+    told: what its head says of settings that have their defaults in a class, by name.
+    """
 
     name: str
     said: str = ""
     prefix: str = ""
     entries: list[Entry] = field(default_factory=list)
     chosen: list[str] = field(default_factory=list)
+    told: dict[str, str] = field(default_factory=dict)
 
 
 def read_file(path: Path, group: str = "", name: str = "") -> File:
-    """The settings of a file of a group, in their order."""
+    """The settings of a file of a group, in their order, with those of files that it takes in."""
     text = path.read_text(encoding="utf-8")
     lines = text.splitlines()
     file = File(name or path.stem, prefix=f"{group}." if group else "")
-    head = []
-    for line in lines:
-        if not line.startswith("#"):
-            break
-        head.append(line.lstrip("# ").rstrip())
-    if head and (package := re.fullmatch(r"@package (\S+)", head[0])):
+    head = list(takewhile(lambda line: line.startswith("#"), lines))
+    if head and (package := re.fullmatch(r"# @package (\S+)", head[0].rstrip())):
         file.prefix = "" if package[1] == "_global_" else f"{package[1]}."
         head = head[1:]
-    file.said = " ".join(head)
+    # Settings that stand in a class are told in lines of their own, further in.
+    told = [found for line in head if (found := re.fullmatch(r"#   (\w+): (.*)", line.rstrip()))]
+    file.told = {found[1]: found[2] for found in told}
+    plain = [line for line in head if not line.startswith(("#   ", "# Settings ("))]
+    file.said = " ".join(line.lstrip("# ").rstrip() for line in plain)
     tree = yaml.compose(text)
     if isinstance(tree, MappingNode):
         for key, value in tree.value:
             if key.value == "defaults":
                 file.chosen = list(_chosen(value))
-        file.entries = [
-            entry for entry in _entries(tree, text, lines, file.prefix) if not entry.name.startswith("defaults")
-        ]
+                for taken in value.value:
+                    if isinstance(taken, ScalarNode) and (found := re.fullmatch(r"/?(shared/\w+)@(.+)", taken.value)):
+                        base = read_file(_conf(path) / f"{found[1]}.yaml")
+                        file.entries += [replace(entry, name=f"{found[2]}.{entry.name}") for entry in base.entries]
+        own = _entries(tree, text, lines, file.prefix)
+        file.entries += [entry for entry in own if entry.name.split(".")[-1] != "defaults"]
     return file
+
+
+def _conf(path: Path) -> Path:
+    """The folder of all settings that a file lies in."""
+    return next(folder for folder in path.parents if (folder / "config.yaml").is_file())
 
 
 def _chosen(node: SequenceNode) -> Iterator[str]:
@@ -76,7 +97,7 @@ def _chosen(node: SequenceNode) -> Iterator[str]:
             for key, value in one.value:
                 shown = value.value if isinstance(value, ScalarNode) else "[]"
                 yield f"{key.value.removeprefix('override ').lstrip('/')}={shown}"
-        elif one.value != "_self_":
+        elif one.value != "_self_" and "@" not in one.value:
             yield one.value
 
 
@@ -145,19 +166,40 @@ def _rank(group: str) -> tuple[int, str]:
 def settings_page(conf: Path) -> str:
     """The generated part of the page as Markdown."""
     files = read_all(conf)
-    chosen = dict(choice.split("=", 1) for choice in files[""][0].chosen if "=" in choice)
-    parts = ["## Groups and their choices", _choices(files, chosen), "## General settings", *_general(files[""][0])]
+    general = files[""][0]
+    chosen = dict(choice.split("=", 1) for choice in general.chosen if "=" in choice)
+    parts = ["## Groups and their choices", _choices(files, chosen), "## General settings", *_general(general, files)]
     for group, choices in files.items():
         if group and group != "experiment":
-            parts += [f"## {group}", GROUPS.get(group, ""), _table(("choice", "what it is"), _said(choices, group))]
-            for file in choices:
-                if rows := [entry for entry in file.entries if entry.name != f"{group}.name"]:
-                    parts += [f"### {group}={file.name}", _settings(rows)]
+            shown = [file for file in choices if not file.name.startswith("of_")]
+            parts += [f"## {group}", GROUPS.get(group, ""), _table(("choice", "what it is"), _said(shown, group))]
+            if common := [entry for entry in general.entries if entry.name.startswith(f"{group}.")]:
+                parts += [f"Of every {group}:", _settings(common)]
+            if group == "export":
+                parts += ["Of every export:", _settings(list(_of_class(ExportSettings, "exports.NAME.", {})))]
+            for file in shown:
+                entries = [entry for entry in file.entries if entry.name != f"{group}.name"]
+                if group == "search":
+                    known = {entry.name for entry in entries}
+                    more = _of_class(SEARCHES[file.name], "search.", file.told)
+                    entries += [entry for entry in more if entry.name not in known]
+                if entries:
+                    parts += [f"### {group}={file.name}", _settings(entries)]
     parts += ["## experiment", GROUPS["experiment"], _experiments(files.get("experiment", []))]
     scenes = [(file.stem, read_file(file).said) for file in sorted((conf / "scenes").glob("*.yaml"))]
     parts += ["## Scenes", "Of `task=navigate`: `scene=NAME`, or a [file of your own](formats.md#scenes)."]
     parts += [_table(("scene", "what it is"), [(f"`{name}`", _plain(said)) for name, said in scenes])]
     return "\n\n".join(part for part in parts if part)
+
+
+def _of_class(settings: type, prefix: str, told: dict[str, str]) -> Iterator[Entry]:
+    """Settings whose defaults stand in a class. told: what they are, where its docstring does not say it."""
+    told = said_of_fields(settings) | told
+    for entry in fields(settings):
+        default = entry.default if entry.default_factory is MISSING else entry.default_factory()
+        if not (entry.name == "name" and prefix == "search."):
+            written = yaml.safe_dump(default, default_flow_style=True).removesuffix("...\n").strip()
+            yield Entry(f"{prefix}{entry.name}", written, told.get(entry.name, ""), "")
 
 
 def _choices(files: dict[str, list[File]], chosen: dict[str, str]) -> str:
@@ -171,15 +213,16 @@ def _choices(files: dict[str, list[File]], chosen: dict[str, str]) -> str:
     return _table(("group", "default", "choices"), rows)
 
 
-def _general(file: File) -> Iterator[str]:
-    """The general settings: those without a section first, then section by section."""
-    sections = list(dict.fromkeys(entry.name.split(".")[0] for entry in file.entries if "." in entry.name))
-    said = {entry.name: entry.comment for entry in file.entries if entry.name in sections}
-    yield _settings([entry for entry in file.entries if "." not in entry.name and entry.name not in said])
+def _general(file: File, groups: Mapping[str, Any]) -> Iterator[str]:
+    """The general settings: those without a section first, then section by section; those of groups stand there."""
+    own = [entry for entry in file.entries if entry.name.split(".")[0] not in groups]
+    sections = list(dict.fromkeys(entry.name.split(".")[0] for entry in own if "." in entry.name))
+    said = {entry.name: entry.comment for entry in own if entry.name in sections}
+    yield _settings([entry for entry in own if "." not in entry.name and entry.name not in said])
     for section in sections:
         yield f"### {section}"
         yield _plain(said.get(section, ""))
-        yield _settings([entry for entry in file.entries if entry.name.startswith(f"{section}.")])
+        yield _settings([entry for entry in own if entry.name.startswith(f"{section}.")])
 
 
 def _settings(entries: list[Entry]) -> str:
