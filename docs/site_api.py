@@ -12,7 +12,7 @@ import hopdiff
 
 # What the names of `hopdiff.__all__` return and take.
 OTHERS = (
-    "hopdiff.tasks.job.Run",
+    "hopdiff.job.Run",
     "hopdiff.motion.Motion",
     "hopdiff.motion.Phase",
     "hopdiff.geometry.clip.Clip",

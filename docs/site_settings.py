@@ -16,8 +16,8 @@ import yaml
 from site_docstrings import said_of_fields
 from yaml import MappingNode, Mark, Node, ScalarNode, SequenceNode
 
+from hopdiff.doors import SEARCHES
 from hopdiff.export.settings import ExportSettings
-from hopdiff.search import SEARCHES
 
 ASIDE = ("hydra", "scenes", "shared")  # folders of other things than choices of a group
 GROUPS = {
@@ -71,17 +71,19 @@ def read_file(path: Path, group: str = "", name: str = "") -> File:
     file.told = {found[1]: found[2] for found in told}
     plain = [line for line in head if not line.startswith(("#   ", "# Settings ("))]
     file.said = " ".join(line.lstrip("# ").rstrip() for line in plain)
+    taken: list[str] = []
     tree = yaml.compose(text)
     if isinstance(tree, MappingNode):
         for key, value in tree.value:
             if key.value == "defaults":
                 file.chosen = list(_chosen(value))
-                for taken in value.value:
-                    if isinstance(taken, ScalarNode) and (found := re.fullmatch(r"/?(shared/\w+)@(.+)", taken.value)):
-                        base = read_file(_conf(path) / f"{found[1]}.yaml")
-                        file.entries += [replace(entry, name=f"{found[2]}.{entry.name}") for entry in base.entries]
+                taken = [one.value for one in value.value if isinstance(one, ScalarNode)]
         own = _entries(tree, text, lines, file.prefix)
-        file.entries += [entry for entry in own if entry.name.split(".")[-1] != "defaults"]
+        file.entries = [entry for entry in own if entry.name.split(".")[-1] != "defaults"]
+    for one in taken:
+        if found := re.fullmatch(r"/?(shared/\w+)@(.+)", one):
+            base = read_file(_conf(path) / f"{found[1]}.yaml")
+            file.entries += [replace(entry, name=f"{found[2]}.{entry.name}") for entry in base.entries]
     return file
 
 
@@ -181,7 +183,7 @@ def settings_page(conf: Path) -> str:
                 entries = [entry for entry in file.entries if entry.name != f"{group}.name"]
                 if group == "search":
                     known = {entry.name for entry in entries}
-                    more = _of_class(SEARCHES[file.name], "search.", file.told)
+                    more = _of_class(SEARCHES.load(file.name), "search.", file.told)
                     entries += [entry for entry in more if entry.name not in known]
                 if entries:
                     parts += [f"### {group}={file.name}", _settings(entries)]

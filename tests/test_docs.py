@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import hopdiff
-from hopdiff.config import compose
+from hopdiff.composing import compose
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])
