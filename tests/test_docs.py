@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import importlib
+import os
 import pydoc
 import re
+import runpy
 import shlex
+import subprocess
+import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 import hopdiff
-from hopdiff.composing import compose
+from hopdiff.choices import build_costs, build_search
+from hopdiff.composing import compose, known_settings
+from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, TERMS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])
@@ -65,8 +72,14 @@ def overrides_of(command: str, own: Path) -> list[str]:
 
 @pytest.mark.parametrize(("page", "command"), commands())
 def test_commands_compose(page: str, command: str, tmp_path: Path) -> None:
+    """Names, choices and types of every setting are checked; files need not be there."""
     own_files(tmp_path)
-    compose(overrides_of(command, tmp_path))
+    words = overrides_of(command, tmp_path)
+    config = compose([word for word in words if not word.startswith("retarget.skeleton=")])
+    task = TASKS.load(config.task.name)
+    call = task.call(config, tmp_path, words)
+    build_search(call.settings.search)
+    build_costs(call.settings.costs, config.model.name)
 
 
 def test_there_are_commands_to_compose() -> None:
@@ -86,11 +99,61 @@ EXAMPLES = [
 @pytest.mark.parametrize(("page", "example"), EXAMPLES, ids=[f"{page}-{k}" for k, (page, _) in enumerate(EXAMPLES)])
 def test_examples_run(page: str, example: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    exec(compile(example, f"docs/{page}.md", "exec"), {"__name__": "example"})
+    script = tmp_path / f"{page}.py"
+    script.write_text(example, encoding="utf-8")
+    runpy.run_path(str(script), run_name="example")
 
 
 def test_every_page_of_examples_has_one() -> None:
     assert {page for page, _ in EXAMPLES} == {"start", "extending"}
+
+
+def test_package_of_the_page_is_found(tmp_path: Path) -> None:
+    """The package of extending.md, as an installer would leave it, and its commands with a small budget."""
+    page = ROOT / "docs" / "extending.md"
+    package, info = tmp_path / "mypackage", tmp_path / "mypackage-0.1.dist-info"
+    package.mkdir()
+    info.mkdir()
+    (package / "__init__.py").touch()
+    walk, terms = (one for name in ("class Walk", "long_flight = ") for one in blocks(page, "python") if name in one)
+    (package / "walk.py").write_text(walk.split("\nrun = ")[0] + "\n", encoding="utf-8")
+    (package / "terms.py").write_text(terms.split("\nrun = ")[0] + "\n", encoding="utf-8")
+    for block in blocks(page, "python"):
+        if (named := re.match(r"# mypackage/(\w+\.py)\n", block)) is not None:
+            (package / named[1]).write_text(block, encoding="utf-8")
+    project = tomllib.loads(blocks(page, "toml")[0])["project"]
+    lines = [
+        line
+        for group, points in project["entry-points"].items()
+        for line in (f"[{group}]", *(f"{name} = {value}" for name, value in points.items()))
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mypackage\nVersion: 0.1\n", encoding="utf-8")
+    paths = os.pathsep.join((str(tmp_path), str(ROOT)))
+    for number, command in enumerate(blocks(page, "sh")[0].splitlines()):
+        words = shlex.split(command)[1:]
+        small = ["budget.evaluations=150", "pictures=false", f"hydra.run.dir={tmp_path / str(number)}"]
+        done = subprocess.run(
+            [sys.executable, *words, *small], env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+    times = [float(line) for line in (tmp_path / "0" / "motion_touchdowns.txt").read_text().splitlines()]
+    assert len(times) == 2
+    assert times == sorted(times)
+    assert "tall: legs of 1.04 m" in done.stdout
+
+
+def test_every_setting_is_on_its_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A row each; what one line of a file holds in braces is one row. Names of choices are no settings to be typed."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    page = importlib.import_module("site_settings").settings_page(ROOT / "conf")
+    known = {*known_settings(), *known_settings("search.population")}
+    known |= {name.replace(".glb.", ".NAME.") for name in known_settings("exports.glb.fps")}
+    for name in known - {f"{group}.name" for group in ("task", "model", "costs", "genes", "search", "character")}:
+        parts = name.split(".")
+        above = {".".join(parts[:count]) for count in range(2, len(parts) + 1)} | {name}
+        below = [other for other in known if other.startswith(f"{name}.")]
+        assert below or any(f"| `{one}` |" in page for one in above), name
 
 
 def test_readme_is_short() -> None:
@@ -99,7 +162,8 @@ def test_readme_is_short() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_names_of_the_package_are_there(page: Path) -> None:
-    for name in set(re.findall(r"\bhopdiff(?:\.\w+)+", page.read_text(encoding="utf-8"))):
+    groups = {door.points for door in (CHARACTERS, FORMATS, SEARCHES, TASKS, TERMS)}
+    for name in set(re.findall(r"\bhopdiff(?:\.\w+)+", page.read_text(encoding="utf-8"))) - groups:
         found, rest = hopdiff, name.split(".")[1:]
         for part in rest:
             try:
