@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import inspect
 import re
+from textwrap import indent
 from typing import Any
 
-from site_docstrings import fields_of, parts
+from site_docstrings import CODE, ITEM, fields_of, parts
 
 import hopdiff
 
@@ -51,8 +52,12 @@ def as_rst(app: Any, what: str, name: str, found: Any, options: Any, lines: list
     """A docstring of the house as reStructuredText: fields as a list, errors apart, single back quotes as code."""
     made: list[str] = []
     for label, text in parts("\n".join(lines), fields_of(found)):
-        made += [f"* **{label}**: {_escaped(text)}" if label else _escaped(text), ""]
-    lines[:] = made
+        if label == CODE:
+            made += ["::", "", indent(text, "    "), ""]
+        else:
+            mark = {"": "", ITEM: "* "}.get(label, f"* **{label}**: ")
+            made += [f"{mark}{_escaped(text)}", ""]
+    lines[:] = "\n".join(made).split("\n")
 
 
 def shown_signature(

@@ -28,6 +28,7 @@ GROUPS = {
     "search": "How the best run is looked for.",
     "character": "The body.",
     "export": "Forms for other programs, as `export=[glb,html]`. Its settings are called `exports.NAME.SETTING`.",
+    "hydra/launcher": "Where the runs of a sweep are made; without one, one after the other.",
     "experiment": "Settings that go together, added with a plus: `+experiment=brisk`.",
 }
 
@@ -157,6 +158,8 @@ def read_all(conf: Path) -> dict[str, list[File]]:
             read_file(path, folder.name, path.relative_to(folder).with_suffix("").as_posix())
             for path in sorted(folder.rglob("*.yaml"))
         ]
+    if launchers := sorted((conf / "hydra" / "launcher").glob("*.yaml")):
+        found["hydra/launcher"] = [read_file(path, "hydra.launcher") for path in launchers]
     return {group: found[group] for group in sorted(found, key=_rank)}
 
 
