@@ -17,6 +17,7 @@ FLOORS = {
     "hopdiff.messages": 0,
     "hopdiff.doors": 0,
     "hopdiff.objective": 0,
+    "hopdiff.channels": 0,
     "hopdiff.geometry": 1,
     "hopdiff.motion": 1,
     "hopdiff.physics": 1,
