@@ -104,9 +104,10 @@ def _chosen(node: SequenceNode) -> Iterator[str]:
             yield one.value
 
 
-def _entries(node: MappingNode, text: str, lines: list[str], prefix: str) -> Iterator[Entry]:
+def _entries(node: MappingNode, text: str, lines: list[str], prefix: str, first: int | None = None) -> Iterator[Entry]:
+    """The settings in a node. first: line from which on comments are headings; of a file its first setting."""
     heading = ""
-    last = node.value[0][0].start_mark.line if node.value else 0
+    last = node.value[0][0].start_mark.line if first is None and node.value else first or 0
     for key, value in node.value:
         heading = _heading(lines, last, key.start_mark.line, key.start_mark.column) or heading
         last = _end(value).line + 1
@@ -115,7 +116,7 @@ def _entries(node: MappingNode, text: str, lines: list[str], prefix: str) -> Ite
             said = _comment(lines, key.end_mark.line, key.end_mark.column)
             if said:
                 yield Entry(name, "", said, heading)
-            for entry in _entries(value, text, lines, f"{name}."):
+            for entry in _entries(value, text, lines, f"{name}.", key.start_mark.line + 1):
                 yield entry if entry.heading else Entry(entry.name, entry.value, entry.comment, heading)
             continue
         end = _end(value)

@@ -156,6 +156,44 @@ def test_every_setting_is_on_its_page(monkeypatch: pytest.MonkeyPatch) -> None:
         assert below or any(f"| `{one}` |" in page for one in above), name
 
 
+WRITTEN = """\
+# @package _global_
+# What this file is,
+# in two lines.
+defaults:
+  - /shared/curve@path
+  - _self_
+speed: 3.0   # m/s
+limits:      # felt, and
+             # more than that
+  # -- feet --
+  reach: [0.5, 1]  # of a leg
+  wide: {low: 0, high: 1}
+  # -- arms --
+  swing: 2 # deg
+kind: "a # b"
+"""
+
+
+def test_settings_are_read_with_their_comments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    (tmp_path / "shared").mkdir()
+    (tmp_path / "config.yaml").touch()
+    (tmp_path / "shared" / "curve.yaml").write_text("points: []  # in metres\n", encoding="utf-8")
+    (tmp_path / "mine.yaml").write_text(WRITTEN, encoding="utf-8")
+    file = importlib.import_module("site_settings").read_file(tmp_path / "mine.yaml", "task")
+    assert file.said == "What this file is, in two lines."
+    assert [(one.name, one.value, one.comment, one.heading) for one in file.entries] == [
+        ("speed", "3.0", "m/s", ""),
+        ("limits", "", "felt, and more than that", ""),
+        ("limits.reach", "[0.5, 1]", "of a leg", "feet"),
+        ("limits.wide", "{low: 0, high: 1}", "", "feet"),
+        ("limits.swing", "2", "deg", "arms"),
+        ("kind", '"a # b"', "", ""),
+        ("path.points", "[]", "in metres", ""),
+    ]
+
+
 def test_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= LONGEST_README
 
