@@ -13,9 +13,11 @@ import hydra
 import yaml
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, config_folder, load, loaded
+from hopdiff.messages import typed_names
 from hopdiff.types import HopdiffError
 
 # What settings begin with that need not be there before they are set.
@@ -119,3 +121,33 @@ def _names(node: Any, prefix: str) -> Iterator[str]:
         for key in node:
             yield f"{prefix}{key}"
             yield from _names(node[key], f"{prefix}{key}.")
+
+
+def own_file(words: Sequence[str]) -> str | None:
+    """The file of the user's own, among those chosen for the run under way, that sets one of these dotted names.
+
+    None if no such file does, or if the name was typed on the command line, which then is at fault.
+    """
+    if not HydraConfig.initialized():
+        return None
+    runtime, overrides = HydraConfig.get().runtime, HydraConfig.get().overrides.task
+    typed = set(typed_names(list(overrides)))
+    folders = [Path(one.path) for one in runtime.config_sources if one.schema == "file"]
+    for folder in folders:
+        if folder.resolve() == config_folder():
+            continue
+        for group, chosen in runtime.choices.items():
+            for name in [chosen] if isinstance(chosen, str) else list(chosen or []):
+                path = folder / group / f"{name}.yaml"
+                if path.is_file() and ((_set_in(path, group) - typed) & set(words)):
+                    return f"{group}/{name}.yaml"
+    return None
+
+
+def _set_in(path: Path, group: str) -> set[str]:
+    """The dotted names that a file sets."""
+    text = path.read_text(encoding="utf-8")
+    package = re.match(r"\s*#\s*@package\s+(\S+)", text)
+    inside = group.replace("/", ".") if package is None else package.group(1)
+    content: Any = _read(path)
+    return set(_names(content, "" if inside == "_global_" else f"{inside}."))
