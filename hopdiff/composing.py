@@ -14,7 +14,7 @@ import yaml
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import BooleanNode, DictConfig, FloatNode, IntegerNode, OmegaConf
 
 from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, config_folder, load, loaded
 from hopdiff.messages import typed_names
@@ -23,6 +23,13 @@ from hopdiff.types import HopdiffError
 # What settings begin with that need not be there before they are set.
 NEW = ("search.", "costs.", "exports.", "genes.fixed.", "genes.fixed=", "edit.joints.", "edit.joints=")
 MARK = "++"
+
+# Shared settings that are one number or word: 3 becomes 3.0 where that is meant, in names of folders too.
+KINDS: dict[str, type] = {
+    **dict.fromkeys(("speed", "beta", "fps"), FloatNode),
+    **dict.fromkeys(("seed", "threads"), IntegerNode),
+    **dict.fromkeys(("pictures", "overwrite"), BooleanNode),
+}
 
 # Hydra 1.4 drops the argument that 1.3 asks for.
 HYDRA_BASE: dict[str, Any] = {"version_base": None} if hydra.__version__ < "1.4" else {}
@@ -45,11 +52,12 @@ def as_typed(text: str) -> str:
 
 @cache
 def register_choices() -> None:
-    """Tell Hydra what installed packages bring, so that it can be chosen like a file of conf/.
+    """Tell Hydra of what kind the shared settings are, and what installed packages bring, to be chosen like our files.
 
     Raises HopdiffError if a character or task of another package cannot be loaded.
     """
     store = ConfigStore.instance()
+    store.store(name="schema", node=OmegaConf.create({name: kind("???") for name, kind in KINDS.items()}))
     for name in SEARCHES.brought:
         store.store(group="search", name=name, node={"name": name})
     for name in FORMATS.brought:

@@ -142,10 +142,13 @@ def with_saved(config: DictConfig, saved: Mapping[str, Any], typed_names: Sequen
     whole, a single setting ("model.step") only itself. Raises HopdiffError if the file's settings do not fit.
     """
     plain: Any = OmegaConf.to_container(config, resolve=True)
-    own_model = plain["model"]
+    own = dict(plain)
     plain |= {name: saved[name] for name in SAVED if name in saved and name not in typed_names}
+    for name in ("character", "genes", "limp"):
+        if isinstance(plain[name], Mapping):
+            plain[name] = {**own[name], **plain[name]}  # what older files do not have yet
     if "model" in saved and "model" not in typed_names:
-        plain["model"] = _model_of(saved["model"], own_model)
+        plain["model"] = _model_of(saved["model"], own["model"])
     result = OmegaConf.create(plain)
     try:
         typed(result, Config)

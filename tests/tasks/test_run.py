@@ -32,6 +32,7 @@ FILES = {
     "angles.png",
     "motion.gif",
     "config.yaml",
+    "status.json",
     "versions.json",
     "git.json",
 }
