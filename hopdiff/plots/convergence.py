@@ -15,6 +15,8 @@ from hopdiff.search.loop import HistoryRow
 _LEAST_ENERGY = 0.2  # of the energy axis: what hardly changes shall look so
 _LEAST_GAMMA = 0.5
 _LEAST_RATIO = 3.0  # of the ends of the cost axis
+_TICKS, _FINE_TICKS = (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
+_NARROW = 6.0  # ratio of its ends, up to which the cost axis gets the fine ticks
 _FEW = 60  # steps, up to which the median of each gets a dot
 _TARGET = style.SERIES[6]
 
@@ -22,9 +24,9 @@ _TARGET = style.SERIES[6]
 def convergence_figure(history: Sequence[HistoryRow], title: str = "Search", target: float | None = None) -> Figure:
     """What the best run so far costs, its energy and, where the model knows it, its gamma, against what was spent.
 
-    The best so far stays until a step ends with a better one, so its lines are stairs that end in a dot; grey dots are the medians of the
-    costs of each step, and an arrow head at the upper edge one that is beyond it. history: rows in order; values that
-    are not finite leave a gap. target: the energy that beta asks for, a dashed line.
+    The best so far stays until a step ends with a better one, so its lines are stairs; they end in a dot. Grey dots
+    are the medians of the costs of each step, and a triangle at the upper edge is one that lies beyond it.
+    history: rows in order; values that are not finite leave a gap. target: the energy that beta asks for, dashed.
     """
     gammas = [_or_gap(row.gamma) for row in history]
     with_gamma = not all(map(math.isnan, gammas))
@@ -67,7 +69,7 @@ def _costs(axes: Axes, spent: list[float], best: list[float], median: list[float
         near = [value for value in median if value <= 3.0 * top]
         top = max([top, *(1.1 * value for value in near)])
         axes.set_ylim(low, top)
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_locator(LogLocator(subs=_TICKS if top > _NARROW * low else _FINE_TICKS))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_locator(NullLocator())
         axes.yaxis.set_minor_formatter(NullFormatter())
@@ -75,7 +77,13 @@ def _costs(axes: Axes, spent: list[float], best: list[float], median: list[float
         if beyond and few:
             place = axes.get_xaxis_transform()
             axes.plot(
-                beyond, [0.985] * len(beyond), "^", color=style.GROUND, markersize=5, transform=place, label="median beyond the axis"
+                beyond,
+                [0.985] * len(beyond),
+                "^",
+                color=style.GROUND,
+                markersize=5,
+                transform=place,
+                label="median beyond the axis",
             )
     axes.set_ylabel("cost")
     axes.legend(frameon=False, fontsize=9, loc="upper right")
@@ -84,7 +92,9 @@ def _costs(axes: Axes, spent: list[float], best: list[float], median: list[float
 def _energy(axes: Axes, spent: list[float], energy: list[float], target: float | None) -> None:
     _stairs(axes, spent, energy, "of the best", style.SERIES[2])
     if target is not None:
-        axes.axhline(target, color=_TARGET, linewidth=1.4, linestyle=(0, (5, 3)), label=f"asked for by beta: {target:.3f}")
+        axes.axhline(
+            target, color=_TARGET, linewidth=1.4, linestyle=(0, (5, 3)), label=f"asked for by beta: {target:.3f}"
+        )
     _limits(axes, [*energy, *([] if target is None else [target])], _LEAST_ENERGY)
     axes.set_ylabel("energy per distance, scaled")
     axes.legend(frameon=False, fontsize=9, loc="best")

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from hopdiff.motion import Motion
-from hopdiff.plots.body import Body, Part, hull
+from hopdiff.plots.body import Body, Part
+from hopdiff.plots.shapes import hull
 from hopdiff.plots.view import BEHIND, FRONT, RIGHT, Camera
 
 OBLIQUE = Camera(-1.9, 0.5)
