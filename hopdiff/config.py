@@ -28,6 +28,7 @@ from hopdiff.messages import choose, near, one_line
 from hopdiff.models import build_model
 from hopdiff.models.base import ModelSettings
 from hopdiff.models.limp import LimpSettings
+from hopdiff.plots.film import check_film
 from hopdiff.problem import RunProblem
 from hopdiff.search import SEARCHES
 from hopdiff.search.loop import Budget
@@ -87,6 +88,7 @@ class Config:
     runs: str | None = None
     genes_file: str | None = None
     pictures: bool = True
+    animation: str = "gif"
     budget: BudgetSettings = field(default_factory=BudgetSettings)
     task: TaskSettings = field(default_factory=TaskSettings)
     model: ModelSettings = field(default_factory=ModelSettings)
@@ -285,7 +287,7 @@ def build_exports(config: DictConfig) -> Exports:
 
 
 def check_numbers(settings: Config) -> None:
-    """Raises HopdiffError if a top-level number is out of its range."""
+    """Raises HopdiffError if a top-level setting is out of its range, or asks for a film that nothing here encodes."""
     if not (math.isfinite(settings.speed) and settings.speed > 0):
         raise HopdiffError(f"speed must be a number above 0 [m/s], not {settings.speed:g}.")
     if not 0 <= settings.beta < 1:
@@ -294,6 +296,7 @@ def check_numbers(settings: Config) -> None:
         raise HopdiffError(f"fps must be above 0 and at most {MAX_FPS:g} frames/s, not {settings.fps:g}.")
     if not 0 <= settings.seed < 2**63:
         raise HopdiffError(f"seed must be a whole number from 0 to 2^63 - 1, not {settings.seed}.")
+    check_film(settings.animation, settings.pictures)
     if settings.threads < 1:
         raise HopdiffError(f"threads must be at least 1, not {settings.threads}.")
 

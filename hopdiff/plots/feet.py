@@ -43,8 +43,8 @@ def feet_figure(
 
     times: (T,) [s]. names: P points; left ones are tinted blue, right ones orange. contact: (T, P) whether a point
     should stand still, shaded. speeds: by stage ("source", "edited", "cleaned", or others) (T, P) [m/s]. heights: by
-    stage (T, P) [m]. Over each panel stands the mean speed in contact. Speeds far above it (and above 0.5 m/s) and heights above
-    0.2 m leave the panels; of clips longer than 15 s only contacts are drawn.
+    stage (T, P) [m]. Over each panel stands the mean speed in contact. Speeds above 0.5 m/s and far above this mean,
+    and heights above 0.2 m, leave the panels; of clips longer than 15 s only contacts are drawn.
     Raises HopdiffError for arrays whose sizes do not fit each other.
     """
     at, touching = numbers(times), numbers(contact) > 0.5

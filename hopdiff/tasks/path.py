@@ -22,12 +22,21 @@ from hopdiff.metrics import loop_error, stance_foot_drift
 from hopdiff.models.course import run_along, turning_lean
 from hopdiff.motion import Motion
 from hopdiff.numerics import GRAVITY
-from hopdiff.plots.animation import write_path_gif
+from hopdiff.plots.animation import path_film
 from hopdiff.plots.path import oblique_figure, path_figure
 from hopdiff.problem import RunProblem
 from hopdiff.search.loop import SearchResult
 from hopdiff.tasks.job import Job, Run, make_run
-from hopdiff.tasks.results import Figures, search_figures, shown, write_motion, write_numbers, write_pictures
+from hopdiff.tasks.results import (
+    Figures,
+    caption,
+    search_figures,
+    shown,
+    write_motion,
+    write_moving,
+    write_numbers,
+    write_pictures,
+)
 from hopdiff.tasks.run import searched
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.course import Course
@@ -277,7 +286,9 @@ def write_path_run(folder: Path, job: Job, route: Route, run: Run, command: list
             "along": lambda: oblique_figure(motion, curve=point),
         }
         pictures = write_pictures(folder, figures | search_figures(run))
-        write_path_gif(folder / "motion.gif", motion, curve=point)
+        first, second = caption(run)
+        way = f"{route.curve.length:.1f} m in {route.time:g} s: {first}"
+        write_moving(folder, job, path_film(motion, point, (way, second)))
     write_numbers(folder, job, run, command, pictures)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +17,17 @@ from hopdiff.io.files import write_whole
 from hopdiff.io.genes_file import write_genes
 from hopdiff.io.record import git_state, versions, write_json, write_table
 from hopdiff.plots.angles import angles_figure
-from hopdiff.plots.animation import write_gif
+from hopdiff.plots.animation import stride_film
 from hopdiff.plots.com_track import com_track_figure
 from hopdiff.plots.convergence import convergence_figure
+from hopdiff.plots.film import Film, write_film
 from hopdiff.plots.front import front_figure
 from hopdiff.plots.save import save_figure
 from hopdiff.plots.strip import strip_figure
 from hopdiff.search.loop import HistoryRow
 from hopdiff.tasks.job import Job, Run
 
+DRAWN_FPS = 1000.0  # frames/s of what is drawn: curves are smooth, and poses are those of their moments
 # What a row of the HParams table is told apart by.
 HPARAMS = ("speed", "beta", "seed", "dtype")
 
@@ -38,8 +41,9 @@ def write_run(folder: Path, job: Job, run: Run, command: list[str]) -> None:
     write_bvh(folder / "motion_in_place.bvh", run.clip.in_place())
     pictures = {}
     if job.settings["pictures"]:
-        pictures = write_pictures(folder, stride_figures(run))
-        write_gif(folder / "motion.gif", run.motion)
+        drawn = densely(job, run)
+        pictures = write_pictures(folder, stride_figures(drawn))
+        write_moving(folder, job, stride_film(drawn.motion, caption(run)))
     write_numbers(folder, job, run, command, pictures)
 
 
@@ -80,11 +84,11 @@ Figures = dict[str, Callable[[], Figure]]  # name -> what draws it
 
 def stride_figures(run: Run) -> Figures:
     """The pictures of one stride."""
-    title = f"{run.metrics['speed']:g} m/s, beta {run.metrics['beta']:g}"
+    title = name_of(run)
     figures: Figures = {
         "strip": lambda: strip_figure(run.motion, title),
-        "com_track": lambda: com_track_figure(run.motion),
-        "angles": lambda: angles_figure(run.motion),
+        "com_track": lambda: com_track_figure(run.motion, title=title),
+        "angles": lambda: angles_figure(run.motion, title),
     }
     if limps(run):
         figures["front"] = lambda: front_figure(run.motion, title)
@@ -93,7 +97,33 @@ def stride_figures(run: Run) -> Figures:
 
 def search_figures(run: Run) -> Figures:
     """The picture of the search, if there was one."""
-    return {"convergence": lambda: convergence_figure(run.history)} if len(run.history) > 1 else {}
+    if len(run.history) < 2:
+        return {}
+    title = f"{name_of(run)}: {run.metrics['search']} search"
+    return {"convergence": lambda: convergence_figure(run.history, title, run.metrics["energy_target"])}
+
+
+def densely(job: Job, run: Run) -> Run:
+    """A straight run with so many frames that pictures do not show them; its numbers are the same."""
+    genes = job.table.to_unit(job.table.low.new_tensor(list(run.genes.values())))
+    return replace(run, motion=job.problem.motion(genes, DRAWN_FPS))
+
+
+def name_of(run: Run) -> str:
+    """What a run is asked for, for titles."""
+    return f"{run.metrics['speed']:.3g} m/s, beta {run.metrics['beta']:g}"
+
+
+def caption(run: Run) -> tuple[str, str]:
+    """The lines over a film: what was asked for, and how the run was come by."""
+    how = f"{run.metrics['search']} search" if run.history else "replayed"
+    return name_of(run), f"model {run.metrics['model']}, {how}"
+
+
+def write_moving(folder: Path, job: Job, film: Film) -> None:
+    """Write motion.gif, or what the setting `animation` says instead, if anything."""
+    if (kind := job.settings["animation"]) != "none":
+        write_film(folder / f"motion.{kind}", film)
 
 
 def write_pictures(folder: Path, figures: Figures) -> dict[str, Path]:
