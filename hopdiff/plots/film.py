@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, combinations
 from pathlib import Path
@@ -180,7 +181,7 @@ def caption(lines: tuple[str, ...], width: int) -> Image.Image:
 
 
 def _font(line: str, size: int, bold: bool, width: int) -> ImageFont.FreeTypeFont:
-    face = font_manager.findfont(font_manager.FontProperties("DejaVu Sans", weight="bold" if bold else "normal"))
+    face = font_manager.findfont(font_manager.FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal"))
     while (font := ImageFont.truetype(face, size)).getlength(line) > width and size > 1:
         size -= 1
     return font
@@ -233,13 +234,14 @@ def _feed(command: list[str], pictures: Iterable[Image.Image]) -> str:
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=said)
         assert process.stdin is not None
         try:
-            for picture in pictures:
-                process.stdin.write(picture.tobytes())
-            process.stdin.close()
-            process.wait()
-        except BrokenPipeError:
+            with suppress(BrokenPipeError):
+                for picture in pictures:
+                    process.stdin.write(picture.tobytes())
+                process.stdin.close()
             process.wait()
         finally:
+            with suppress(OSError):
+                process.stdin.close()
             process.kill()
             process.wait()
         said.seek(0)

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from hopdiff.plots.view import Array
 
 _TIP = 0.75  # thickness of the tips of the toes, in that of the sole
-_WIDE = {"heel": 0.11, "ball": 0.17, "tip": 0.13}  # half widths, in lengths of the foot
+_WIDE = {"heel": 0.04, "ball": 0.1, "tip": 0.08}  # half widths between the round edges, in lengths of the foot
 
 
 def capsule(start: Array, end: Array, radius_start: float, radius_end: float, corners: int = 12) -> Array:

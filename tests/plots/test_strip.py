@@ -51,6 +51,14 @@ def test_a_metre_is_as_high_as_long(figure: Figure) -> None:
         assert box.width / (high - low) == pytest.approx(box.height / (top - bottom), rel=1e-6)
 
 
+def test_heights_and_the_way_are_numbered(figure: Figure) -> None:
+    trace = figure.axes[1]
+    assert (trace.get_xlabel(), trace.get_ylabel()) == ("along the way [m]", "height [m]")
+    assert sum(0 <= tick <= trace.get_ylim()[1] for tick in trace.get_yticks()) >= 3
+    label = trace.yaxis.label.get_window_extent()
+    assert label.x0 >= figure.bbox.x0
+
+
 def test_the_near_side_covers_the_far_side(figure: Figure, motion: Motion) -> None:
     assert len(set(FILL.values())) == 3
     for pose in figures_of(figure, motion):

@@ -225,7 +225,7 @@ def test_ctrl_c_keeps_the_best_so_far(
 def test_the_default_folder_says_what_is_in_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("hopdiff.tasks.results.write_pictures", lambda *_: {})
-    monkeypatch.setattr("hopdiff.tasks.results.write_gif", lambda *_: None)
+    monkeypatch.setattr("hopdiff.tasks.results.write_moving", lambda *_: None)
     arguments = ("+experiment=neutral", "model=smooth", "speed=3", "search=random", "budget.evaluations=20")
     monkeypatch.setattr("sys.argv", ["hopdiff", *arguments])
     assert main() == 0
