@@ -26,6 +26,7 @@ _WAIST = 0.3  # how much wider than thick it is where no limbs grow from it
 _RIBS = (0.5, 0.85)  # of the way from its spine to the root of a limb, and of its thickness there
 _ROOT = 0.85  # of that way its outermost part, as thick as the limb
 _SOLE = 0.72  # half its thickness, in that of the leg at the ball of the foot
+_IN_LINE = 0.1  # sine of the angle between shank and foot, below which they lie in one line
 _COLLAR = "_collar"
 _SIGN = {"left": 1.0, "right": -1.0}
 _DEPTH = {"far arm": 0, "far leg": 1, "middle trunk": 2, "middle head": 3, "near leg": 4, "near arm": 5}
@@ -50,9 +51,10 @@ class _Bone:
 
 @dataclass(frozen=True)
 class _Foot:
-    """Nodes of a leg, and how far the heel is from the ankle along the line to the toe joint and, in the plane of shank
-    and foot, across it [m]."""
+    """A foot by its nodes; hips: the left one first. along, across: how far the heel is from the ankle along the line to
+    the toe joint and, in the plane of shank and foot, across it [m]."""
 
+    hips: tuple[int, int]
     knee: int
     ankle: int
     toe: int
@@ -62,7 +64,13 @@ class _Foot:
 
     def left(self, points: Array) -> Array:
         """(3,) the unit step to the left of the foot in a pose."""
-        left = np.cross(points[self.knee] - points[self.ankle], self._forward(points))
+        shank, forward = points[self.knee] - points[self.ankle], self._forward(points)
+        across = points[self.hips[0]] - points[self.hips[1]]
+        left = np.cross(shank, forward)
+        # Where shank and foot lie in one line they tell nothing; beyond it they would turn the foot over.
+        if np.linalg.norm(left) < _IN_LINE * np.linalg.norm(shank):
+            left = across - (across @ forward) * forward
+        left = left if left @ across >= 0.0 else -left
         return np.asarray(left / max(float(np.linalg.norm(left)), 1e-9))
 
     def heel(self, points: Array) -> Array:
@@ -205,16 +213,18 @@ def _feet(skeleton: Skeleton) -> dict[int, _Foot]:
     found = {}
     ends = [name for name in skeleton.names if name in skeleton.end_sites]
     for side in _SIGN:
-        names = [f"{side}_{part}" for part in ("knee", "ankle", "toe")]
+        names = ["left_hip", "right_hip", *(f"{side}_{part}" for part in ("knee", "ankle", "toe"))]
         if not all(name in skeleton.names for name in names) or names[-1] not in ends:
             continue
-        knee, ankle, toe = (skeleton.index(name) for name in names)
+        left, right, knee, ankle, toe = (skeleton.index(name) for name in names)
         _, down, ahead = (float(x) for x in skeleton.offsets[toe])
         length = float(np.hypot(down, ahead))
         back = -HEEL / BALL * ahead
         if length > 0.0:
             along, across = (down * down + back * ahead) / length, (ahead * -down + back * down) / length
-            found[toe] = _Foot(knee, ankle, toe, len(skeleton.names) + ends.index(names[-1]), along, across)
+            found[toe] = _Foot(
+                (left, right), knee, ankle, toe, len(skeleton.names) + ends.index(names[-1]), along, across
+            )
     return found
 
 
