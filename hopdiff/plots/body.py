@@ -51,7 +51,7 @@ class _Bone:
 
 @dataclass(frozen=True)
 class _Foot:
-    """A foot by its nodes; hips: the left one first. along, across: how far the heel is from the ankle along the line to
+    """A foot by its nodes; hips: left and right. along, across: how far the heel is from the ankle along the line to
     the toe joint and, in the plane of shank and foot, across it [m]."""
 
     hips: tuple[int, int]
