@@ -222,14 +222,14 @@ def _write_mp4(path: str | os.PathLike[str], film: Film, duration: float, width:
         command = [program, "-hide_banner", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
         command += ["-video_size", f"{first.width}x{first.height}", "-framerate", rate, "-i", "-"]
         command += ["-c:v", encoder, *_QUALITY[encoder], "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(target)]
-        said = _feed(command, following)
-        if not target.is_file() or not target.stat().st_size:
+        done, said = _feed(command, following)
+        if not done or not target.is_file():
             raise HopdiffError(f"cannot write {path}: {program} made no film{f' ({said})' if said else ''}.")
         write_whole(path, target.read_bytes())
 
 
-def _feed(command: list[str], pictures: Iterable[Image.Image]) -> str:
-    """Run an encoder, give it the pictures, and return the last line that it complained with, if any."""
+def _feed(command: list[str], pictures: Iterable[Image.Image]) -> tuple[bool, str]:
+    """Run an encoder on the pictures; returns whether it ended well, and the last line that it said, if any."""
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=said)
         assert process.stdin is not None
@@ -246,4 +246,4 @@ def _feed(command: list[str], pictures: Iterable[Image.Image]) -> str:
             process.wait()
         said.seek(0)
         lines = said.read().decode(errors="replace").split("\n")
-    return next((line.strip().rstrip(".") for line in reversed(lines) if line.strip()), "")
+    return process.returncode == 0, next((line.strip().rstrip(".") for line in reversed(lines) if line.strip()), "")

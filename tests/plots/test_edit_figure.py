@@ -133,8 +133,8 @@ def test_bars_stand_across_the_way_and_are_as_long_as_delta() -> None:
 
 def test_bars_bury_neither_way() -> None:
     """They are short and pale, lie below both ways and inside the map, and stand where the source's way is not."""
-    even = walk(400)
-    sway = 0.01 * torch.sin(2.0 * torch.arange(400, dtype=torch.float64))
+    even = walk(900)
+    sway = 0.01 * torch.sin(2.0 * torch.arange(900, dtype=torch.float64))
     path = RootPath(even.place, even.yaw + sway)
     for turn, target in ((0.9, 1.5), (-0.9, -1.5)):
         last = path.place[-1]
