@@ -73,6 +73,7 @@ class Config:
     threads: int
     fps: float
     pictures: bool
+    animation: str
     overwrite: bool
     budget: BudgetSettings
     task: TaskSettings

@@ -207,7 +207,7 @@ def test_a_failing_job_of_a_sweep_is_named_and_the_others_finish(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setattr("hopdiff.tasks.results.write_pictures", lambda *_: {})
-    monkeypatch.setattr("hopdiff.tasks.results.write_gif", lambda *_: None)
+    monkeypatch.setattr("hopdiff.tasks.results.write_moving", lambda *_: None)
     tiny = ("model=smooth", "search=random", "search.population=16", "budget.evaluations=32")
     with pytest.raises(SystemExit) as done:
         run_main(monkeypatch, "-m", "speed=-1,4", "hydra.sweep.dir=sweep", *tiny)
