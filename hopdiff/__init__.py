@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hopdiff.api import generate, save
+    from hopdiff.runs.frame import results
     from hopdiff.types import HopdiffError
 
 __version__ = "0.1.0"
-__all__ = ["HopdiffError", "__version__", "generate", "save"]
+__all__ = ["HopdiffError", "__version__", "generate", "results", "save"]
 
 
 def __getattr__(name: str) -> Any:
@@ -18,6 +19,10 @@ def __getattr__(name: str) -> Any:
         from hopdiff import api
 
         return getattr(api, name)
+    if name == "results":
+        from hopdiff.runs.frame import results
+
+        return results
     if name == "HopdiffError":
         from hopdiff.types import HopdiffError
 

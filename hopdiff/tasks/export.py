@@ -17,7 +17,7 @@ from hopdiff.export.write import different, distinct, plain, write_exports
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.files import read_json
 from hopdiff.io.record import prepare_folder
-from hopdiff.tasks.compare import find_runs
+from hopdiff.runs.folders import find_runs
 from hopdiff.tasks.job import run_name
 from hopdiff.tasks.results import shown, write_record
 from hopdiff.types import HopdiffError

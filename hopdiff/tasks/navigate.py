@@ -102,8 +102,8 @@ def navigate(
             "strip": lambda: sticks_figure(walk.clip),
         }
         pictures = write_pictures(folder, figures)
-    scalars = {name: float(value) for name, value in numbers.items() if isinstance(value, float)}
-    write_events(folder, [scalars], pictures=pictures)
+    final = {name: value for name, value in numbers.items() if isinstance(value, float)}
+    write_events(folder, results=final, pictures=pictures)
     print(summary(folder, numbers), flush=True)
 
 

@@ -11,7 +11,7 @@ from omegaconf import OmegaConf
 
 from hopdiff.export.tables import write_npz
 from hopdiff.io.bvh import write_bvh
-from hopdiff.io.events import write_events
+from hopdiff.io.events import final_numbers, write_events
 from hopdiff.io.files import write_whole
 from hopdiff.io.genes_file import write_genes
 from hopdiff.io.record import git_state, versions, write_json, write_table
@@ -22,11 +22,9 @@ from hopdiff.plots.convergence import convergence_figure
 from hopdiff.plots.front import front_figure
 from hopdiff.plots.save import save_figure
 from hopdiff.plots.strip import strip_figure
+from hopdiff.runs.settings import typed_values
 from hopdiff.search.loop import HistoryRow
 from hopdiff.tasks.job import Job, Run
-
-# What a row of the HParams table is told apart by.
-HPARAMS = ("speed", "beta", "seed", "dtype")
 
 
 def write_run(folder: Path, job: Job, run: Run, command: list[str]) -> None:
@@ -59,8 +57,8 @@ def write_numbers(folder: Path, job: Job, run: Run, command: list[str], pictures
     write_events(
         folder,
         scalars=[_scalars(row) for row in run.history],
-        settings=_hparams(job),
-        metrics={name: value for name, value in run.metrics.items() if isinstance(value, float)},
+        settings=typed_values(command),
+        results=final_numbers(run.metrics),
         pictures=pictures,
     )
 
@@ -159,8 +157,3 @@ def shown(folder: Path) -> str:
 
 def _scalars(row: HistoryRow) -> dict[str, float]:
     return {f"search/{name}": float(value) for name, value in row._asdict().items() if name != "step"}
-
-
-def _hparams(job: Job) -> Mapping[str, Any]:
-    groups = {name: job.settings[name]["name"] for name in ("model", "search", "character", "costs", "genes")}
-    return {**{name: job.settings[name] for name in HPARAMS}, **groups, "evaluations": job.budget.evaluations}

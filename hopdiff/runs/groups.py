@@ -1,0 +1,142 @@
+"""Which runs are replicates of one another, and what the groups are called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from hopdiff.runs.folders import RunRecord, Series
+from hopdiff.runs.settings import CHOICES, Differences
+
+Problem = tuple[float, float]
+
+# Settings that make no groups, and all below them. What is left does: also threads, device and dtype, which the time of
+# a search and the last digits of its result depend on.
+IDLE = (
+    "seed",  # what replicates
+    *("speed", "beta"),  # the problem, which is told apart from the series
+    *("pictures", "fps", "exports", "retarget", "task.label", "overwrite"),  # what is written of a run, and where to
+    "experiment",  # a name for settings that count by themselves
+    # Of other tasks than those that are compared.
+    *("run", "runs", "clip", "clips", "target", "constraints", "edit", "scene", "start", "goal", "way", "graph"),
+    "hopper",
+)
+OF_PATHS = "path"
+OF_REPLAYS = "genes_file"
+OF_SEARCHES = ("search", "budget")
+LONGEST = 32  # characters of a value in a name
+
+
+@dataclass(frozen=True)
+class Groups:
+    """Runs with their series. told: the settings that the series differ in, in the order in which names tell them."""
+
+    told: tuple[str, ...]
+    records: list[RunRecord]
+
+
+def grouped(records: Sequence[RunRecord]) -> Groups:
+    """Give every run its series: runs of one series differ in nothing but speed, beta and seed.
+
+    A setting that follows from what a name tells already is not told, unless it was typed: genes=body beside
+    model=body, say.
+    """
+    acting = [_acting(record) for record in records]
+    differences = Differences(acting, [record.typed for record in records], [record.whole for record in records])
+    names = differences.names()
+    choices = [f"{choice}.name" for choice in CHOICES]
+    told: list[str] = []
+    classes: list[tuple[Any, ...]] = [() for _ in records]
+    for name in (name for name in choices if name in names):
+        classes = _split(name, acting, classes, differences.typed(name), told)
+    # What merely follows from speed and beta is no difference of series.
+    classes = [(*key, problem_of(record)) for key, record in zip(classes, records, strict=True)]
+    for name in (name for name in names if name not in choices):
+        classes = _split(name, acting, classes, differences.typed(name), told)
+    keys = [tuple(settings.get(name) for name in told) for settings in acting]
+    varying = {name: _varying(differences, name) for name in told}
+    titles: dict[tuple[Any, ...], str] = {}
+    for i, key in sorted(enumerate(keys), key=lambda pair: [_rank(value) for value in pair[1]]):
+        if key not in titles:
+            title = _title(acting[i], [name for name in told if i in varying[name]])
+            count = sum(known == title or known.startswith(f"{title} (") for known in titles.values())
+            titles[key] = f"{title} ({count + 1})" if count else title
+    series = {key: Series(place, title) for place, (key, title) in enumerate(titles.items())}
+    return Groups(tuple(told), [replace(record, series=series[key]) for record, key in zip(records, keys, strict=True)])
+
+
+def _acting(record: RunRecord) -> dict[str, Any]:
+    """The settings of a run that can change it."""
+    replay = record.task == "replay" or record.metrics.get("search") == "none"
+    idle = [*IDLE, *(() if record.task == "path" else (OF_PATHS,)), *(OF_SEARCHES if replay else (OF_REPLAYS,))]
+    settings = {name: value for name, value in record.settings.items() if not _below(name, idle)}
+    searched = "replay" if replay else settings.get("search.name", record.metrics.get("search"))
+    # A run is a run, whether it was searched for or replayed; one along a path is something else.
+    return settings | {"search.name": searched, "task.name": "path" if record.task == "path" else "run"}
+
+
+def _below(name: str, tops: Iterable[str]) -> bool:
+    return any(name == top or name.startswith(f"{top}.") for top in tops)
+
+
+def _split(
+    name: str, acting: Sequence[dict[str, Any]], classes: list[tuple[Any, ...]], typed: bool, told: list[str]
+) -> list[tuple[Any, ...]]:
+    """The classes of runs told apart by one more setting, which is put with the told ones if that does tell."""
+    finer = [(*key, settings.get(name)) for key, settings in zip(classes, acting, strict=True)]
+    if typed or len(set(finer)) > len(set(classes)):
+        told.append(name)
+        return finer
+    return classes
+
+
+def _varying(differences: Differences, name: str) -> set[int]:
+    """The places of the runs whose names tell a setting: not where it just comes with a choice."""
+    group = name.split(".")[0]
+    if group not in CHOICES or name == f"{group}.name":
+        return set(range(len(differences.runs)))
+    having = [i for i, settings in enumerate(differences.runs) if name in settings]
+    return {
+        i
+        for same in differences.by_choice(group).values()
+        if differences.several(name, same)
+        for i in same
+        if i in having
+    }
+
+
+def _title(settings: dict[str, Any], names: Sequence[str]) -> str:
+    """The search, and whatever else tells a series from others: "ga, search.population 20"."""
+    parts = [shown(settings["search.name"])]
+    for name in names:
+        if name != "search.name":
+            value = shown(settings.get(name))
+            parts.append(value if name.endswith(".name") and name.count(".") == 1 else f"{name} {value}")
+    return ", ".join(parts)
+
+
+def shown(value: Any) -> str:
+    """A value of a setting as one types it, cut if it is long."""
+    if value is None or isinstance(value, bool):
+        return str(value).lower().replace("none", "null")
+    if isinstance(value, float):
+        return f"{value:g}" if float(f"{value:g}") == value else repr(value)
+    text = str(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
+
+def _rank(value: Any) -> tuple[int, float, str]:
+    """A key that sorts numbers by size, and before words."""
+    if isinstance(value, int | float):
+        return 0, float(value), ""
+    return 1, 0.0, "" if value is None else str(value)
+
+
+def problem_of(record: RunRecord) -> Problem:
+    """Speed [m/s] and beta of a run."""
+    return record.metrics["speed"], record.metrics["beta"]
+
+
+def problem_name(problem: Problem) -> str:
+    return f"{problem[0]:g} m/s, beta {problem[1]:g}"
