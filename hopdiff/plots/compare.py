@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,17 +16,25 @@ from hopdiff.plots import style
 from hopdiff.plots.briskness import style_figure
 from hopdiff.plots.series import (
     COLOURS,
+    MOST_BANDS,
     colours_of,
-    complete,
     held,
     least_width,
     legend_below,
     legend_height,
-    names_of,
     spread,
 )
 from hopdiff.runs.folders import RunRecord
-from hopdiff.runs.groups import Problem, problem_name, problem_of
+from hopdiff.runs.groups import (
+    Problem,
+    by_problem,
+    complete,
+    median_cost,
+    names_of,
+    problem_name,
+    problem_of,
+    standings,
+)
 
 MOST_SERIES = len(COLOURS)
 MOST_PROBLEMS = 12
@@ -50,7 +57,8 @@ def choose(records: Sequence[RunRecord]) -> Chosen:
     sentences = []
     names = names_of(records)
     if len(names) > MOST_SERIES:
-        best = sorted(names, key=_standing(records).__getitem__)[:MOST_SERIES]
+        known = standings(records)
+        best = sorted(names, key=lambda name: known[name].place)[:MOST_SERIES]
         sentences.append(
             f"Pictures show the {MOST_SERIES} best of {len(names)} series, by their place in median cost at each speed"
             " and beta."
@@ -62,28 +70,6 @@ def choose(records: Sequence[RunRecord]) -> Chosen:
         problems = spread(problems, room)
         sentences.append(f"Pictures of single speeds and betas show {room} of {count}, spread over all of them.")
     return Chosen(list(records), problems, sentences)
-
-
-def _standing(records: Sequence[RunRecord]) -> dict[str, float]:
-    """Mean place of each series in the order of median costs, from 0 to 1; those without a finished run come last."""
-    places = defaultdict(list)
-    for groups in _by_problem(complete(records)).values():
-        order = sorted(groups, key=lambda name: _median_cost(groups[name]))
-        for place, name in enumerate(order):
-            places[name].append(place / max(1, len(order) - 1))
-    return {name: float(np.mean(places[name])) if places[name] else math.inf for name in names_of(records)}
-
-
-def _by_problem(records: Sequence[RunRecord]) -> dict[Problem, dict[str, list[RunRecord]]]:
-    """Runs by speed and beta, and then by series, both in order."""
-    groups: dict[Problem, dict[str, list[RunRecord]]] = {}
-    for record in sorted(records, key=lambda record: (problem_of(record), record.series)):
-        groups.setdefault(problem_of(record), {}).setdefault(record.series.name, []).append(record)
-    return groups
-
-
-def _median_cost(records: Sequence[RunRecord]) -> float:
-    return float(np.median([record.metrics["cost"] for record in records]))
 
 
 def compare_figures(chosen: Chosen) -> dict[str, Figure]:
@@ -103,7 +89,7 @@ def convergence_overlay(records: Sequence[RunRecord]) -> Figure:
     Several runs of one series make a line for their median and a band from the least to the greatest. Interrupted
     searches are left out.
     """
-    panels_of = _by_problem([record for record in complete(records) if len(record.history)])
+    panels_of = by_problem([record for record in complete(records) if len(record.history)])
     present = {name for groups in panels_of.values() for name in groups}
     colours = {name: colour for name, colour in colours_of(records).items() if name in present}
     columns = min(3 if len(panels_of) <= 9 else 4, len(panels_of))
@@ -114,7 +100,7 @@ def convergence_overlay(records: Sequence[RunRecord]) -> Figure:
     panels = list(figure.subplots(rows, columns, squeeze=False).flat)
     for axes, (problem, groups) in zip(panels, panels_of.items(), strict=False):
         for label, group in groups.items():
-            _band(axes, group, colours[label], label)
+            _curve(axes, group, colours[label], label, len(groups) <= MOST_BANDS)
         _scale_cost(axes, [record for group in groups.values() for record in group])
         axes.set_title(problem_name(problem))
         style.tidy(axes)
@@ -136,21 +122,23 @@ def _scale_cost(axes: Axes, group: Sequence[RunRecord]) -> None:
     first = max(values[0] for values in best if values)
     axes.set_yscale("log")
     axes.set_ylim(0.9 * low, 1.1 * min(first, max(8.0 * low, 1.5 * worst_end)))
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())
 
 
-def _band(axes: Axes, group: Sequence[RunRecord], colour: str, label: str) -> None:
+def _curve(axes: Axes, group: Sequence[RunRecord], colour: str, label: str, band: bool) -> None:
     grid = np.unique(np.concatenate([record.history["spent"] for record in group]))
     if len(grid) > MOST_POINTS:
         grid = grid[np.linspace(0, len(grid) - 1, MOST_POINTS).round().astype(int)]
     curves = np.array([held(grid, record.history["spent"], record.history["best"]) for record in group])
     known = np.isfinite(curves).all(axis=0)
-    axes.plot(grid[known], np.median(curves[:, known], axis=0), color=colour, linewidth=1.8, label=label)
-    if len(group) > 1:
+    middle = np.median(curves[:, known], axis=0)
+    # A best value holds until a better one is found.
+    axes.plot(grid[known], middle, color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
+    if band and len(group) > 1:
         low, high = curves[:, known].min(axis=0), curves[:, known].max(axis=0)
-        axes.fill_between(grid[known], low, high, color=colour, alpha=0.18, linewidth=0)
+        axes.fill_between(grid[known], low, high, color=colour, alpha=0.18, linewidth=0, step="post")
 
 
 def summary_figure(records: Sequence[RunRecord]) -> Figure:
@@ -159,7 +147,7 @@ def summary_figure(records: Sequence[RunRecord]) -> Figure:
     A dot is a run, a bar the median of several; hollow dots are interrupted searches, which no median counts. Costs of
     different speeds or betas are never pooled: they are not of one kind.
     """
-    problems = _by_problem(records)
+    problems = by_problem(records)
     colours = colours_of(records)
     rows: list[tuple[str, list[RunRecord]]] = []  # name and runs; without runs it is the heading of a problem
     for problem, groups in problems.items():
@@ -191,7 +179,7 @@ def summary_figure(records: Sequence[RunRecord]) -> Figure:
 def _order(runs: Sequence[RunRecord]) -> tuple[bool, float]:
     """Rows without a finished run stand below the others."""
     finished = complete(runs)
-    return not finished, _median_cost(finished or runs)
+    return not finished, median_cost(finished or runs)
 
 
 def _finite(records: Sequence[RunRecord], value: Callable[[dict[str, Any]], float | None]) -> list[float]:

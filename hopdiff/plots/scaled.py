@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopdiff.plots import style
-from hopdiff.plots.series import colours_of, complete, held, least_width, legend_below, legend_height, spread
+from hopdiff.plots.series import colours_of, held, least_width, legend_below, legend_height, spread
 from hopdiff.runs.folders import RunRecord
-from hopdiff.runs.groups import Problem, problem_name, problem_of
+from hopdiff.runs.groups import Problem, complete, problem_name, problem_of
 
 Group = dict[str, list[RunRecord]]
 

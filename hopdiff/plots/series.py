@@ -12,16 +12,13 @@ from matplotlib.lines import Line2D
 
 from hopdiff.plots import style
 from hopdiff.runs.folders import RunRecord
+from hopdiff.runs.groups import names_of
 
 # As many as can be told apart, and as many series as a picture shows.
 COLOURS = (*style.SERIES, "#8C510A", "#7FA900", "#A50F15", "#8C92A0")
+MOST_BANDS = 6  # more of them on one another are mud
 T = TypeVar("T")
 _LETTER = 0.085  # inches that a letter of a legend takes, at most
-
-
-def names_of(records: Iterable[RunRecord]) -> list[str]:
-    """The series of runs, in their order."""
-    return [series.name for series in sorted({record.series for record in records})]
 
 
 def colours_of(records: Iterable[RunRecord]) -> dict[str, str]:
@@ -56,11 +53,6 @@ def held(grid: np.ndarray, spent: Sequence[float] | np.ndarray, best: Sequence[f
     """The best value so far at every point of the grid; infinite before the first."""
     place = np.searchsorted(spent, grid, side="right") - 1
     return np.where(place >= 0, np.asarray(best)[np.maximum(place, 0)], np.inf)
-
-
-def complete(records: Iterable[RunRecord]) -> list[RunRecord]:
-    """The runs whose search came to its end: a median over others would mix budgets."""
-    return [record for record in records if record.status == "complete"]
 
 
 def spread(values: Sequence[T], most: int) -> list[T]:

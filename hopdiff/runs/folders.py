@@ -216,12 +216,12 @@ def _read_history(path: Path) -> dict[str, NDArray[np.float64]]:
     if not rows or not {"spent", "best"} <= set(names):
         raise HopdiffError(f"{path} is not the history of a search: it needs columns 'spent' and 'best', and a row.")
     try:
-        columns = np.loadtxt(rows, delimiter=",", ndmin=2)
-        if columns.shape[1] != len(names):
+        if any(row.count(",") != len(names) - 1 for row in rows):
             raise ValueError(header)
+        columns = np.loadtxt(rows, delimiter=",", ndmin=2, usecols=[names.index(name) for name in ("spent", "best")])
     except ValueError as error:
         raise HopdiffError(f"{path}, line {_wrong_line(rows, len(names))}: not {len(names)} numbers.") from error
-    return {name: columns[:, names.index(name)] for name in ("spent", "best")}
+    return {"spent": columns[:, 0], "best": columns[:, 1]}
 
 
 def _wrong_line(rows: list[str], count: int) -> int:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from math import inf
+from statistics import fmean, median
 from typing import Any
 
 from hopdiff.runs.folders import RunRecord, Series
@@ -22,8 +26,8 @@ IDLE = (
     *("run", "runs", "clip", "clips", "target", "constraints", "edit", "scene", "start", "goal", "way", "graph"),
     "hopper",
 )
-OF_PATHS = "path"
-OF_REPLAYS = "genes_file"
+OF_PATHS = ("path",)
+OF_REPLAYS = ("genes_file",)
 OF_SEARCHES = ("search", "budget")
 LONGEST = 32  # characters of a value in a name
 
@@ -69,15 +73,17 @@ def grouped(records: Sequence[RunRecord]) -> Groups:
 def _acting(record: RunRecord) -> dict[str, Any]:
     """The settings of a run that can change it."""
     replay = record.task == "replay" or record.metrics.get("search") == "none"
-    idle = [*IDLE, *(() if record.task == "path" else (OF_PATHS,)), *(OF_SEARCHES if replay else (OF_REPLAYS,))]
-    settings = {name: value for name, value in record.settings.items() if not _below(name, idle)}
+    path = record.task == "path"
+    settings = {name: value for name, value in record.settings.items() if _acts(name, replay, path)}
     searched = "replay" if replay else settings.get("search.name", record.metrics.get("search"))
     # A run is a run, whether it was searched for or replayed; one along a path is something else.
-    return settings | {"search.name": searched, "task.name": "path" if record.task == "path" else "run"}
+    return settings | {"search.name": searched, "task.name": "path" if path else "run"}
 
 
-def _below(name: str, tops: Iterable[str]) -> bool:
-    return any(name == top or name.startswith(f"{top}.") for top in tops)
+@cache
+def _acts(name: str, replay: bool, path: bool) -> bool:
+    idle = [*IDLE, *(() if path else OF_PATHS), *(OF_SEARCHES if replay else OF_REPLAYS)]
+    return not any(name == top or name.startswith(f"{top}.") for top in idle)
 
 
 def _split(
@@ -131,6 +137,52 @@ def _rank(value: Any) -> tuple[int, float, str]:
     if isinstance(value, int | float):
         return 0, float(value), ""
     return 1, 0.0, "" if value is None else str(value)
+
+
+def complete(records: Iterable[RunRecord]) -> list[RunRecord]:
+    """The runs whose search came to its end: a median over others would mix budgets."""
+    return [record for record in records if record.status == "complete"]
+
+
+def by_problem(records: Iterable[RunRecord]) -> dict[Problem, dict[str, list[RunRecord]]]:
+    """Runs by speed and beta, and then by series, both in order."""
+    groups: dict[Problem, dict[str, list[RunRecord]]] = {}
+    for record in sorted(records, key=lambda record: (problem_of(record), record.series)):
+        groups.setdefault(problem_of(record), {}).setdefault(record.series.name, []).append(record)
+    return groups
+
+
+def median_cost(records: Iterable[RunRecord]) -> float:
+    return float(median(record.metrics["cost"] for record in records))
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a series does beside the others. problems: speeds and betas that it was run at. first: those among them where
+    its median cost is the least. place: mean place in the order of median costs, 0 the first and 1 the last; infinite
+    without a finished run."""
+
+    problems: int
+    first: int
+    place: float
+
+
+def standings(records: Sequence[RunRecord]) -> dict[str, Standing]:
+    """How each series of runs does, in their order."""
+    places = defaultdict(list)
+    for groups in by_problem(complete(records)).values():
+        order = sorted(groups, key=lambda name: median_cost(groups[name]))
+        for place, name in enumerate(order):
+            places[name].append(place / max(1, len(order) - 1))
+    return {
+        name: Standing(len(found), found.count(0.0), fmean(found)) if (found := places[name]) else Standing(0, 0, inf)
+        for name in names_of(records)
+    }
+
+
+def names_of(records: Iterable[RunRecord]) -> list[str]:
+    """The series of runs, in their order."""
+    return [series.name for series in sorted({record.series for record in records})]
 
 
 def problem_of(record: RunRecord) -> Problem:

@@ -128,8 +128,9 @@ class Differences:
 
     def _differs(self, name: str) -> bool:
         group = name.split(".")[0]
-        if group not in CHOICES or name == f"{group}.name":
-            return self.several(name, range(len(self.runs)))
+        several = self.several(name, range(len(self.runs)))
+        if not several or group not in CHOICES or name == f"{group}.name":
+            return several
         if self.typed(name):
             having = [i for i, settings in enumerate(self.runs) if name in settings]
             return self.several(name, having)

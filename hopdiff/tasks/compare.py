@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 from hopdiff.io.record import prepare_folder, write_table
 from hopdiff.runs.folders import BROKEN, RunRecord, Survey, survey, with_history
-from hopdiff.runs.groups import Groups, grouped, problem_of, shown
+from hopdiff.runs.groups import Groups, complete, grouped, problem_of, shown, standings
 from hopdiff.runs.settings import CHOICES
 from hopdiff.runs.table import rows_of
 from hopdiff.types import HopdiffError
@@ -95,30 +96,61 @@ def varied_words(records: Sequence[RunRecord]) -> dict[str, list[Any]]:
 
 
 def group_lines(groups: Groups) -> list[str]:
-    """The table of the groups, a line each: what differs first, then how many runs, cost, and medians."""
+    """The table of the groups, a line each: what differs first, then how many runs, cost, and medians.
+
+    Of more groups than anybody reads it is a table of the series, and how they do at all speeds and betas.
+    """
     parts: dict[Any, list[RunRecord]] = {}
     for record in groups.records:
         parts.setdefault((problem_of(record), record.series), []).append(record)
+    if len(parts) > MOST_LINES and len({problem for problem, _ in parts}) > 1:
+        return [_same(groups), *_series_table(groups), f"{len(parts)} groups are not listed: see comparison.csv."]
     lines = [_line(runs, groups.told) for runs in parts.values()]
-    lines.sort(key=lambda line: (line["speed"], line["beta"], line["median cost"]))
+    lines.sort(key=lambda line: (line["speed"], line["beta"], not line["runs"], line["median cost"]))
     columns = _columns(lines, groups.told)
+    return [_same(groups), *_table(columns, lines)]
+
+
+def _series_table(groups: Groups) -> list[str]:
+    first = {record.series.name: record for record in reversed(groups.records)}
+    count = Counter(record.series.name for record in complete(groups.records))
+    columns = {**dict.fromkeys(groups.told, ""), "runs": "d", "problems": "d", "best at": "d", "mean place": ".2f"}
+    lines = [
+        {
+            **_told(first[name], groups.told),
+            "runs": count[name],
+            "problems": known.problems,
+            "best at": known.first,
+            "mean place": known.place if known.problems else None,
+        }
+        for name, known in sorted(standings(groups.records).items(), key=lambda item: item[1].place)
+    ]
+    note = "Problems are speeds and betas; mean place by median cost among the series of a problem, 0 first, 1 last."
+    return [*_table(columns, lines), note]
+
+
+def _table(columns: Mapping[str, str], lines: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Text with a heading. columns: name in a line -> format."""
     heading = [name.removesuffix(".name") if name.count(".") == 1 else name for name in columns]
-    rows = [[_cell(line[name], columns[name]) for name in columns] for line in lines[:MOST_LINES]]
-    text = [_same(groups), as_text([heading, *rows])]
-    if (more := len(lines) - MOST_LINES) > 0:
-        text.append(f"and {more} more groups: comparison.csv holds every run.")
-    return text
+    rows = [[_cell(line[name], form) for name, form in columns.items()] for line in lines[:MOST_LINES]]
+    more = len(lines) - MOST_LINES
+    return [as_text([heading, *rows]), *([f"and {more} more: see comparison.csv."] if more > 0 else [])]
+
+
+def _told(record: RunRecord, told: Sequence[str]) -> dict[str, str]:
+    """The settings that a series is told by, as one types them."""
+    values = {name: shown(record.settings.get(name)) for name in told}
+    return values | ({"search.name": "replay"} if record.task == "replay" and "search.name" in told else {})
 
 
 def _line(runs: Sequence[RunRecord], told: Sequence[str]) -> dict[str, Any]:
-    finished = [record for record in runs if record.status == "complete"]
+    finished = complete(runs)
     costs = [record.metrics["cost"] for record in finished or runs]
     first = runs[0]
     return {
         "speed": first.metrics["speed"],
         "beta": first.metrics["beta"],
-        **{name: shown(first.settings.get(name)) for name in told},
-        **({"search.name": "replay"} if first.task == "replay" and "search.name" in told else {}),
+        **_told(first, told),
         "runs": len(finished),
         "interrupted": len(runs) - len(finished),
         "median cost": median(costs),
