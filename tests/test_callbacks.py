@@ -19,7 +19,7 @@ def sweep(monkeypatch: pytest.MonkeyPatch, folder: Path, *words: str) -> int:
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader((folder / "compare" / "compare.csv").read_text().splitlines()))
+    return list(csv.DictReader((folder / "compare" / "comparison.csv").read_text().splitlines()))
 
 
 def test_a_sweep_is_compared_and_can_be_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

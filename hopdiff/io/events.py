@@ -7,6 +7,7 @@ import os
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,19 +29,28 @@ SUFFIX = ".hopdiff"  # of the names of our own event files
 _CHANNELS = {"L": 1, "RGB": 3, "RGBA": 4}
 
 
+@dataclass(frozen=True)
+class Columns:
+    """The HParams table of several runs. settings: those that differ, with their values among the runs. results: names
+    of final numbers."""
+
+    settings: Mapping[str, Sequence[Any]]
+    results: Sequence[str]
+
+
 def write_events(
     folder: Path,
     scalars: Sequence[Mapping[str, float]] = (),
     settings: Mapping[str, Any] | None = None,
     results: Mapping[str, float] | None = None,
     pictures: Mapping[str, Path] | None = None,
-    columns: Mapping[str, Sequence[Any]] | None = None,
+    columns: Columns | None = None,
 ) -> None:
     """Write an event file into a folder in place of our older ones; it appears there when it is complete.
 
     scalars: one table of tag -> value a step. settings: of a run, its row of the HParams table. results: its final
-    numbers, tagged result/NAME. pictures: tag -> PNG file. columns: of a comparison, the settings that the HParams
-    table shows, with their values among the runs; written once for a folder of runs, beside them.
+    numbers, tagged result/NAME. pictures: tag -> PNG file. columns: of a comparison, those of the HParams table,
+    written once for a folder of runs, which have the rows in their own folders.
     Raises HopdiffError if the folder cannot be written.
     """
     summaries = [(step, _scalars(row)) for step, row in enumerate(scalars)]
@@ -101,11 +111,11 @@ def _end() -> Summary:
     return _hparams(metadata.SESSION_END_INFO_TAG, session_end_info=end)
 
 
-def _table(columns: Mapping[str, Sequence[Any]]) -> Summary:
-    # The energy reads beside its target, so the order of FINAL is that of the table.
-    metrics = [api_pb2.MetricInfo(name=api_pb2.MetricName(tag=f"{RESULT}{name}"), display_name=name) for name in FINAL]
+def _table(columns: Columns) -> Summary:
+    named = [(name, api_pb2.MetricName(tag=f"{RESULT}{name}")) for name in columns.results]
     experiment = api_pb2.Experiment(
-        hparam_infos=[_column(name, values) for name, values in columns.items()], metric_infos=metrics
+        hparam_infos=[_column(name, values) for name, values in columns.settings.items()],
+        metric_infos=[api_pb2.MetricInfo(name=tag, display_name=name) for name, tag in named],
     )
     return _hparams(metadata.EXPERIMENT_TAG, experiment=experiment)
 

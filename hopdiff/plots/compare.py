@@ -192,8 +192,10 @@ def _dots(
 ) -> None:
     finished = _finite(complete(runs), value)
     others = _finite([record for record in runs if record.status != "complete"], value)
-    axes.plot(finished, [place] * len(finished), "o", color=colour, alpha=0.55, markeredgewidth=0)
-    axes.plot(others, [place] * len(others), "o", color=colour, alpha=0.8, markerfacecolor="none")
+    if finished:
+        axes.plot(finished, [place] * len(finished), "o", color=colour, alpha=0.55, markeredgewidth=0)
+    if others:
+        axes.plot(others, [place] * len(others), "o", color=colour, alpha=0.8, markerfacecolor="none")
     if len(finished) > 1:
         axes.plot([np.median(finished)] * 2, [place - 0.35, place + 0.35], color=colour, linewidth=2.5)
 

@@ -34,10 +34,15 @@ LONGEST = 32  # characters of a value in a name
 
 @dataclass(frozen=True)
 class Groups:
-    """Runs with their series. told: the settings that the series differ in, in the order in which names tell them."""
+    """Runs with their series.
+
+    told: the settings that the series differ in, in the order in which names tell them. values: of each series by its
+    name, their values, without those that it has not got, as the population of search=gradient.
+    """
 
     told: tuple[str, ...]
     records: list[RunRecord]
+    values: dict[str, dict[str, Any]]
 
 
 def grouped(records: Sequence[RunRecord]) -> Groups:
@@ -47,7 +52,9 @@ def grouped(records: Sequence[RunRecord]) -> Groups:
     model=body, say.
     """
     acting = [_acting(record) for record in records]
-    differences = Differences(acting, [record.typed for record in records], [record.whole for record in records])
+    # What a replay has not got is no value of its own: it had no budget, and no search.
+    whole = [record.whole and not _replayed(record) for record in records]
+    differences = Differences(acting, [record.typed for record in records], whole)
     names = differences.names()
     choices = [f"{choice}.name" for choice in CHOICES]
     told: list[str] = []
@@ -61,23 +68,29 @@ def grouped(records: Sequence[RunRecord]) -> Groups:
     keys = [tuple(settings.get(name) for name in told) for settings in acting]
     varying = {name: _varying(differences, name) for name in told}
     titles: dict[tuple[Any, ...], str] = {}
+    values: dict[str, dict[str, Any]] = {}
     for i, key in sorted(enumerate(keys), key=lambda pair: [_rank(value) for value in pair[1]]):
         if key not in titles:
             title = _title(acting[i], [name for name in told if i in varying[name]])
             count = sum(known == title or known.startswith(f"{title} (") for known in titles.values())
             titles[key] = f"{title} ({count + 1})" if count else title
+            values[titles[key]] = {name: acting[i][name] for name in told if name in acting[i]}
     series = {key: Series(place, title) for place, (key, title) in enumerate(titles.items())}
-    return Groups(tuple(told), [replace(record, series=series[key]) for record, key in zip(records, keys, strict=True)])
+    named = [replace(record, series=series[key]) for record, key in zip(records, keys, strict=True)]
+    return Groups(tuple(told), named, values)
 
 
 def _acting(record: RunRecord) -> dict[str, Any]:
     """The settings of a run that can change it."""
-    replay = record.task == "replay" or record.metrics.get("search") == "none"
-    path = record.task == "path"
+    replay, path = _replayed(record), record.task == "path"
     settings = {name: value for name, value in record.settings.items() if _acts(name, replay, path)}
     searched = "replay" if replay else settings.get("search.name", record.metrics.get("search"))
     # A run is a run, whether it was searched for or replayed; one along a path is something else.
     return settings | {"search.name": searched, "task.name": "path" if path else "run"}
+
+
+def _replayed(record: RunRecord) -> bool:
+    return record.task == "replay" or record.metrics.get("search") == "none"
 
 
 @cache
@@ -98,18 +111,13 @@ def _split(
 
 
 def _varying(differences: Differences, name: str) -> set[int]:
-    """The places of the runs whose names tell a setting: not where it just comes with a choice."""
+    """The places of the runs whose names tell a setting: not where it is not, or just comes with a choice."""
     group = name.split(".")[0]
+    having = {i for i, settings in enumerate(differences.runs) if name in settings}
     if group not in CHOICES or name == f"{group}.name":
-        return set(range(len(differences.runs)))
-    having = [i for i, settings in enumerate(differences.runs) if name in settings]
-    return {
-        i
-        for same in differences.by_choice(group).values()
-        if differences.several(name, same)
-        for i in same
-        if i in having
-    }
+        return having
+    classes = differences.by_choice(group).values()
+    return having & {i for same in classes if differences.several(name, same) for i in same}
 
 
 def _title(settings: dict[str, Any], names: Sequence[str]) -> str:
@@ -123,13 +131,16 @@ def _title(settings: dict[str, Any], names: Sequence[str]) -> str:
 
 
 def shown(value: Any) -> str:
-    """A value of a setting as one types it, cut if it is long."""
+    """A value of a setting as one types it, of at most 32 letters."""
     if value is None or isinstance(value, bool):
         return str(value).lower().replace("none", "null")
     if isinstance(value, float):
         return f"{value:g}" if float(f"{value:g}") == value else repr(value)
     text = str(value)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+    if len(text) <= LONGEST:
+        return text
+    # Of a file the end tells most.
+    return f"…{text[1 - LONGEST :]}" if "/" in text else f"{text[: LONGEST - 1]}…"
 
 
 def _rank(value: Any) -> tuple[int, float, str]:

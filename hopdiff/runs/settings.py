@@ -34,6 +34,8 @@ def flat_settings(text: str, file: str) -> dict[str, Any]:
         # Runs of a sweep have most of their top-level blocks in common, and reading YAML is what takes the time.
         for block in _BLOCK.split(text):
             settings.update(_flat_block(block))
+        if not settings:
+            raise _NoTableError
     except (yaml.YAMLError, _NoTableError):
         try:
             settings = dict(_flat_block(text, whole=True))

@@ -19,6 +19,7 @@ from hopdiff.types import HopdiffError
 DRAWN = ("complete", "interrupted")
 SILENT = ("compare",)  # foreign folders that nobody would miss
 MOST_LINES = 40  # of the printed table
+MOST_REASONS = 10
 MOST_NAMES = 5  # of folders in a sentence
 # The printed table: heading, metric, format; each the median of a group. The file holds every metric of every run.
 COLUMNS = (
@@ -50,15 +51,19 @@ def compare(runs: Path, folder: Path) -> None:
     write_table(folder / "comparison.csv", list(rows[0]), [list(row.values()) for row in rows])
     # What draws and writes events takes most of a second to load, which a sweep should not wait for at its start.
     pictures = import_module("hopdiff.tasks.compare_pictures")
-    # The table of settings belongs to runs that are looked at together with it.
-    columns = varied_words(drawn) if folder.resolve().is_relative_to(runs.resolve()) else None
-    notes = pictures.draw(folder, groups.records, columns)
+    # TensorBoard takes its columns from one folder for all that it shows, which should be these runs and no others.
+    beside = folder.resolve().is_relative_to(runs.resolve())
+    notes = pictures.draw(folder, groups.records, varied_words(drawn) if beside else {})
     print("\n".join(group_lines(groups)))
-    for note in [*cautions(groups), *notes, *(f"Left out: {sentence}." for sentence in told)]:
+    for note in [*cautions(groups), *notes, *flags(drawn), *(f"Left out: {phrase}." for phrase in told)]:
         print(note)
     count = len({(problem_of(record), record.series) for record in groups.records})
     place = folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
-    print(f"{len(drawn)} runs in {count} groups; files: {place}", flush=True)
+    print(f"{_plural(len(drawn), 'run')} in {_plural(count, 'group')}; files: {place}", flush=True)
+
+
+def _plural(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
 def left_out(found: Survey, records: Iterable[RunRecord]) -> list[str]:
@@ -70,9 +75,13 @@ def left_out(found: Survey, records: Iterable[RunRecord]) -> list[str]:
         elif record.status == "running":
             reasons.setdefault("still running, or ended from outside", []).append(record.label)
         elif record.status == BROKEN:
-            reasons.setdefault(_bare(record.sentence), []).append("")
-    told = [f"{_named(labels)}{reason}" for reason, labels in reasons.items()]
-    told += [f"{_named(labels)}of task={task}" for task, labels in found.foreign.items() if task not in SILENT]
+            reasons.setdefault(_bare(record.sentence), [])  # which names the file
+    for task, labels in found.foreign.items():
+        if task not in SILENT:
+            reasons[f"no run, but task={task}"] = labels
+    told = [f"{_named(labels)}: {reason}" if labels else reason for reason, labels in reasons.items()]
+    if (more := len(told) - MOST_REASONS) > 0:
+        told[MOST_REASONS:] = [f"and {more} more, see comparison.csv"]
     return told
 
 
@@ -81,10 +90,17 @@ def _bare(sentence: str | None) -> str:
 
 
 def _named(labels: Sequence[str]) -> str:
-    if not any(labels):  # the reason names the file
-        return ""
-    first = ", ".join(labels[:MOST_NAMES])
-    return f"{first}{f' and {more} more' if (more := len(labels) - MOST_NAMES) > 0 else ''}: "
+    more = len(labels) - MOST_NAMES
+    return ", ".join(labels[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def flags(records: Iterable[RunRecord]) -> list[str]:
+    """The notes that runs bear, a sentence each."""
+    noted: dict[str, list[str]] = {}
+    for record in records:
+        for note in record.notes:
+            noted.setdefault(note, []).append(record.label)
+    return [f"Noted: {note} in {_named(labels)}." for note, labels in noted.items()]
 
 
 def varied_words(records: Sequence[RunRecord]) -> dict[str, list[Any]]:
@@ -105,19 +121,18 @@ def group_lines(groups: Groups) -> list[str]:
         parts.setdefault((problem_of(record), record.series), []).append(record)
     if len(parts) > MOST_LINES and len({problem for problem, _ in parts}) > 1:
         return [_same(groups), *_series_table(groups), f"{len(parts)} groups are not listed: see comparison.csv."]
-    lines = [_line(runs, groups.told) for runs in parts.values()]
+    lines = [_line(runs, groups) for runs in parts.values()]
     lines.sort(key=lambda line: (line["speed"], line["beta"], not line["runs"], line["median cost"]))
     columns = _columns(lines, groups.told)
     return [_same(groups), *_table(columns, lines)]
 
 
 def _series_table(groups: Groups) -> list[str]:
-    first = {record.series.name: record for record in reversed(groups.records)}
     count = Counter(record.series.name for record in complete(groups.records))
     columns = {**dict.fromkeys(groups.told, ""), "runs": "d", "problems": "d", "best at": "d", "mean place": ".2f"}
     lines = [
         {
-            **_told(first[name], groups.told),
+            **_values(groups, name),
             "runs": count[name],
             "problems": known.problems,
             "best at": known.first,
@@ -137,20 +152,20 @@ def _table(columns: Mapping[str, str], lines: Sequence[Mapping[str, Any]]) -> li
     return [as_text([heading, *rows]), *([f"and {more} more: see comparison.csv."] if more > 0 else [])]
 
 
-def _told(record: RunRecord, told: Sequence[str]) -> dict[str, str]:
+def _values(groups: Groups, series: str) -> dict[str, str]:
     """The settings that a series is told by, as one types them."""
-    values = {name: shown(record.settings.get(name)) for name in told}
-    return values | ({"search.name": "replay"} if record.task == "replay" and "search.name" in told else {})
+    known = groups.values[series]
+    return {name: shown(known[name]) if name in known else "-" for name in groups.told}
 
 
-def _line(runs: Sequence[RunRecord], told: Sequence[str]) -> dict[str, Any]:
+def _line(runs: Sequence[RunRecord], groups: Groups) -> dict[str, Any]:
     finished = complete(runs)
     costs = [record.metrics["cost"] for record in finished or runs]
     first = runs[0]
     return {
         "speed": first.metrics["speed"],
         "beta": first.metrics["beta"],
-        **_told(first, told),
+        **_values(groups, first.series.name),
         "runs": len(finished),
         "interrupted": len(runs) - len(finished),
         "median cost": median(costs),

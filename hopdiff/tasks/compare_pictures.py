@@ -6,18 +6,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hopdiff.io.events import write_events
+from hopdiff.io.events import FINAL, Columns, write_events
 from hopdiff.plots.compare import choose, compare_figures
 from hopdiff.plots.save import save_figure
 from hopdiff.plots.scaled import can_scale, scaled_convergence_figure
 from hopdiff.runs.folders import RunRecord
 
 
-def draw(folder: Path, records: Sequence[RunRecord], columns: Mapping[str, Sequence[Any]] | None) -> list[str]:
+def draw(folder: Path, records: Sequence[RunRecord], settings: Mapping[str, Sequence[Any]]) -> list[str]:
     """Draw runs that have their series, and write events with the pictures in them.
 
-    columns: what the HParams table of the runs' own folders shows, see `write_events`. Returns a sentence for
-    everything that is not drawn. Raises HopdiffError if a file cannot be written.
+    settings: columns of the HParams table that the runs' own folders have the rows of, with their values; if there are
+    none, it gets no columns from here. Returns a sentence for everything that is not drawn. Raises HopdiffError if a
+    file cannot be written.
     """
     chosen = choose(records)
     figures = compare_figures(chosen)
@@ -26,5 +27,6 @@ def draw(folder: Path, records: Sequence[RunRecord], columns: Mapping[str, Seque
     pictures = {name: folder / f"{name}.png" for name in figures}
     for name, figure in figures.items():
         save_figure(figure, pictures[name])
-    write_events(folder, pictures=pictures, columns=columns)
+    reached = [name for name in FINAL if any(name in record.metrics for record in records)]
+    write_events(folder, pictures=pictures, columns=Columns(settings, reached) if settings else None)
     return chosen.sentences
