@@ -60,6 +60,7 @@ def test_a_replay_has_no_history(folder: Path) -> None:
         ("history.csv", "step,best\n0,1\n", "history.csv is not the history"),
         ("history.csv", "step,spent,best\n0,1,2\n1,2\n", "history.csv, line 3"),
         ("history.csv", "step,spent,best\n0,1,two\n", "history.csv, line 2"),
+        ("history.csv", "step,spent,best,gamma\n0,1,2\n", "history.csv, line 2: not 4 numbers"),
     ],
 )
 def test_a_damaged_file_is_named(folder: Path, name: str, text: str | None, message: str) -> None:
