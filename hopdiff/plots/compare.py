@@ -38,7 +38,7 @@ from hopdiff.runs.groups import (
 
 MOST_SERIES = len(COLOURS)
 MOST_PROBLEMS = 12
-MOST_ROWS = 60  # of the summary
+MOST_ROWS = 72  # of the summary
 MOST_POINTS = 500  # of a curve: many runs of gradient searches have hardly a point in common
 
 

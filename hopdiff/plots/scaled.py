@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopdiff.plots import style
-from hopdiff.plots.series import colours_of, held, least_width, legend_below, legend_height, spread
+from hopdiff.plots.series import MOST_BANDS, colours_of, held, least_width, legend_below, legend_height, spread
 from hopdiff.runs.folders import RunRecord
 from hopdiff.runs.groups import Problem, complete, problem_name, problem_of
 
@@ -96,7 +96,7 @@ def _generations(axes: Axes, groups: Group, colours: dict[str, str]) -> None:
             # Before the first possible run there is nothing better than the first.
             scaled = (np.where(np.isfinite(best), best, known[0]) - known[-1]) / (span if span > 0 else 1.0)
             curves.append(held(generations, np.arange(len(best)), scaled))
-        _band(axes, generations, np.array(curves), colours[label])
+        _band(axes, generations, np.array(curves), colours[label], len(groups) <= MOST_BANDS)
     axes.set_xlabel("generation")
     axes.set_ylim(-0.03, 1.05)
 
@@ -108,7 +108,7 @@ def _searches(axes: Axes, groups: Group, colours: dict[str, str]) -> None:
     for label, group in groups.items():
         curves = np.array([held(spent, record.history["spent"], record.history["best"]) for record in group])
         known = np.isfinite(curves).all(axis=0)
-        _band(axes, spent[known], (curves[:, known] - low) / (high - low), colours[label])
+        _band(axes, spent[known], (curves[:, known] - low) / (high - low), colours[label], len(groups) <= MOST_BANDS)
     axes.set_xlabel("evaluations (a gradient counts as several)")
     axes.set_xlim(left=0.0)
     axes.set_ylim(-0.03, 1.05)
@@ -127,6 +127,7 @@ def _finite(record: RunRecord) -> list[float]:
     return [value for value in record.history["best"] if math.isfinite(value)]
 
 
-def _band(axes: Axes, x: np.ndarray, curves: np.ndarray, colour: str) -> None:
+def _band(axes: Axes, x: np.ndarray, curves: np.ndarray, colour: str, band: bool) -> None:
     axes.plot(x, np.median(curves, axis=0), color=colour, linewidth=1.8)
-    axes.fill_between(x, *np.quantile(curves, BAND, axis=0), color=colour, alpha=0.18, linewidth=0)
+    if band:
+        axes.fill_between(x, *np.quantile(curves, BAND, axis=0), color=colour, alpha=0.18, linewidth=0)

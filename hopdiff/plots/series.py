@@ -18,7 +18,7 @@ from hopdiff.runs.groups import names_of
 COLOURS = (*style.SERIES, "#8C510A", "#7FA900", "#A50F15", "#8C92A0")
 MOST_BANDS = 6  # more of them on one another are mud
 T = TypeVar("T")
-_LETTER = 0.085  # inches that a letter of a legend takes, at most
+_LETTER = 0.077  # inches that a letter of a legend takes, in names of settings
 
 
 def colours_of(records: Iterable[RunRecord]) -> dict[str, str]:

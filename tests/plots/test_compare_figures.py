@@ -257,7 +257,7 @@ def test_of_many_problems_some_have_panels_and_all_count_for_briskness() -> None
     assert len(drawn["style"].axes[0].lines[0].get_xdata()) == 10
     # Many series leave room for few problems.
     crowd = [run for beta in range(10) for run in many(12, beta=beta / 10)]
-    assert len(choose(series(crowd)).problems) == 5
+    assert len(choose(series(crowd)).problems) == 6
 
 
 def test_values_are_spread_over_their_range() -> None:

@@ -99,3 +99,14 @@ def test_of_many_problems_six_have_rows_and_the_title_says_so() -> None:
 
 def test_interrupted_searches_do_not_count() -> None:
     assert not can_scale(series([record("ga", 0), replace(record("ga", 1), status="interrupted")]))
+
+
+def test_many_bands_would_hide_the_lines() -> None:
+    for count, bands in ((6, 6), (7, 0)):
+        runs = [
+            replace(record("ga", seed), settings={"search.name": "ga", "search.population": size})
+            for size in range(count)
+            for seed in (0, 1)
+        ]
+        for axes in scaled_convergence_figure(series(runs)).axes:
+            assert (len(axes.lines), len(axes.collections)) == (count, bands)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.plugins.hparams.metadata import parse_session_start_info_plugin_data
 
 from hopdiff.cli import main
 from hopdiff.tasks.compare import as_text, compare
@@ -233,6 +234,21 @@ def test_hparams_have_their_columns_from_a_comparison_among_the_runs(tmp_path: P
             assert b"result/cost" in content
             assert b"budget.evaluations" not in content
             assert b"friction_needed" not in content
+
+
+def test_a_run_tells_tensorboard_what_was_typed_and_what_came_out(finished: Path) -> None:
+    events = EventAccumulator(str(finished))
+    events.Reload()
+    assert {tag.split("/")[0] for tag in events.Tags()["scalars"]} == {"search", "result"}
+    metrics = json.loads((finished / "metrics.json").read_text())
+    assert events.Scalars("result/cost")[0].value == pytest.approx(metrics["cost"])
+    row = parse_session_start_info_plugin_data(
+        events.summary_metadata["_hparams_/session_start_info"].plugin_data.content
+    ).hparams
+    assert (row["search"].string_value, row["search.population"].number_value) == ("ga", 40.0)
+    assert "character" not in row
+    # Columns are told by a comparison, once for all runs.
+    assert "_hparams_/experiment" not in events.summary_metadata
 
 
 def test_loading_the_task_loads_nothing_that_draws() -> None:
