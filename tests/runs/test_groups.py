@@ -35,7 +35,10 @@ def names(groups: Groups) -> list[str]:
 
 def test_runs_that_differ_in_seed_speed_and_beta_are_one_series() -> None:
     runs = [
-        record({"seed": seed, "speed": speed, "beta": beta}) for seed in (0, 1) for speed in (3, 5) for beta in (0, 1)
+        record({"seed": seed, "speed": speed, "beta": beta}, f"seed={seed}", f"speed={speed}", f"beta={beta}")
+        for seed in (0, 1)
+        for speed in (3, 5)
+        for beta in (0, 1)
     ]
     groups = grouped(runs)
     assert (set(names(groups)), groups.told) == ({"ga"}, ())
