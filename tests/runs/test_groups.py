@@ -125,8 +125,14 @@ def test_a_setting_of_one_search_is_told_of_that_search() -> None:
     assert groups.values["random"]["search.population"] == 7
 
 
+def test_a_gene_that_is_held_is_told_of_the_run_that_holds_it() -> None:
+    assert names(grouped([record(), record({"genes.fixed.duty": 0.3})])) == ["ga", "ga, genes.fixed.duty 0.3"]
+
+
 def test_replays_are_told_by_their_file_and_not_by_a_search_that_was_not() -> None:
-    replays = [record({"genes_file": f"{k}.json", "budget.evaluations": k}, task="replay") for k in (1, 2)]
+    replays = [
+        record({"genes_file": f"{k}.json", "budget.evaluations": k}, "task=replay", task="replay") for k in (1, 2)
+    ]
     groups = grouped([record({}, "budget.evaluations=400"), *replays])
     assert names(groups) == ["ga", "replay, genes_file 1.json", "replay, genes_file 2.json"]
 
