@@ -146,11 +146,12 @@ def write_gallery(out: Path, gallery: Gallery, entries: Sequence[Entry], folders
 
 
 def read_numbers(folder: Path) -> dict[str, Any]:
-    """metrics.json of a run; of a sweep the rows of its comparison, as {"rows": [...]}."""
+    """metrics.json of a run; of a sweep the rows of its comparison, as {"rows": [...]}, without failed runs."""
     if (folder / "metrics.json").is_file():
         numbers: dict[str, Any] = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
         return numbers
-    return {"rows": read_table(folder / "compare" / "compare.csv")}
+    rows = read_table(folder / "compare" / "comparison.csv")
+    return {"rows": [row for row in rows if row["status"] == "complete"]}
 
 
 def anchor(entry: Entry) -> str:

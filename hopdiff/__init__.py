@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hopdiff.api import body, generate, optimise, save
     from hopdiff.objective import Term
+    from hopdiff.runs.frame import results
     from hopdiff.search.base import Eval, Problem, Search
     from hopdiff.search.loop import Budget, SearchResult
     from hopdiff.types import HopdiffError, Status
@@ -29,6 +30,7 @@ __version__ = "0.1.0"
 _HOMES = {
     **dict.fromkeys(("body", "generate", "optimise", "save"), "hopdiff.api"),
     "Term": "hopdiff.objective",
+    "results": "hopdiff.runs.frame",
     **dict.fromkeys(("Eval", "Problem", "Search"), "hopdiff.search.base"),
     **dict.fromkeys(("Budget", "SearchResult"), "hopdiff.search.loop"),
     **dict.fromkeys(("HopdiffError", "Status"), "hopdiff.types"),
@@ -46,6 +48,7 @@ __all__ = [
     "body",
     "generate",
     "optimise",
+    "results",
     "save",
 ]
 

@@ -19,7 +19,7 @@ def sweep(monkeypatch: pytest.MonkeyPatch, folder: Path, *words: str) -> int:
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader((folder / "compare" / "compare.csv").read_text().splitlines()))
+    return list(csv.DictReader((folder / "compare" / "comparison.csv").read_text().splitlines()))
 
 
 def test_a_sweep_is_compared_and_can_be_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -38,7 +38,7 @@ def test_failed_jobs_are_left_out_and_told(
     with pytest.raises(SystemExit) as done:
         sweep(monkeypatch, tmp_path, "speed=0.2,5", "seed=0", "genes.common_eta=false")
     assert done.value.code == 1
-    assert [row["speed"] for row in rows(tmp_path)] == ["5.0"]
+    assert [(row["speed"], row["status"]) for row in rows(tmp_path)] == [("0.2", "failed"), ("5.0", "complete")]
     said = capsys.readouterr().err.splitlines()
     assert said[0].startswith("hopdiff: job 0 (")
     assert "no ordinary run exists at speed=0.2" in said[0]

@@ -1,116 +1,114 @@
-"""Several runs laid over each other."""
+"""Several runs laid over each other: how their searches went, what came out."""
 
 from __future__ import annotations
 
-import csv
 import math
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
-from hopdiff.io.files import read_json, read_text
 from hopdiff.plots import style
-from hopdiff.types import HopdiffError
-
-_NUMBERS = ("speed", "beta", "cost", "energy_rate", "energy_target")
-_STYLE = (
-    ("contact_time", "contact time [s]"),
-    ("flight_share", "flight share of a step"),
-    ("com_oscillation", "bounce of the centre of mass [m]"),
-    ("arm_swing_deg", "arm swing [deg]"),
+from hopdiff.plots.briskness import style_figure
+from hopdiff.plots.series import (
+    COLOURS,
+    MOST_BANDS,
+    colours_of,
+    held,
+    least_width,
+    legend_below,
+    legend_height,
+    spread,
 )
+from hopdiff.runs.folders import RunRecord
+from hopdiff.runs.groups import (
+    Problem,
+    by_problem,
+    complete,
+    median_cost,
+    names_of,
+    problem_name,
+    problem_of,
+    standings,
+)
+
+MOST_SERIES = len(COLOURS)
+MOST_PROBLEMS = 12
+MOST_ROWS = 72  # of the summary
+MOST_POINTS = 500  # of a curve: many runs of gradient searches have hardly a point in common
 
 
 @dataclass(frozen=True)
-class RunRecord:
-    """A run read back from its folder. history: column -> values, empty for a replay."""
+class Chosen:
+    """The runs that are drawn. problems: those with a panel or rows of their own. sentences: what was left out."""
 
-    label: str
-    metrics: dict[str, Any]
-    history: dict[str, list[float]]
-
-
-def read_run(folder: Path) -> RunRecord:
-    """Read metrics.json and, if the run came from a search, history.csv.
-
-    Raises HopdiffError, naming the file, if the folder does not hold a whole run.
-    """
-    path = folder / "metrics.json"
-    metrics = read_json(path)
-    if not isinstance(metrics, dict):
-        raise HopdiffError(f"{path} does not hold the metrics of a run.")
-    for name in (*_NUMBERS, "search"):
-        if name not in metrics:
-            raise HopdiffError(f"{path} lacks {name!r}: not the metrics of a run.")
-    for name in _NUMBERS:
-        if isinstance(metrics[name], bool) or not isinstance(metrics[name], int | float):
-            raise HopdiffError(f"{path}: {name!r} must be a number, not {metrics[name]!r}.")
-    table = folder / "history.csv"
-    return RunRecord(folder.name, metrics, _read_history(table) if table.is_file() else {})
+    records: list[RunRecord]
+    problems: list[Problem]
+    sentences: list[str]
 
 
-def _read_history(path: Path) -> dict[str, list[float]]:
-    header, *rows = list(csv.reader(read_text(path).splitlines())) or [[]]
-    if not rows or not {"spent", "best"} <= set(header):
-        raise HopdiffError(f"{path} is not the history of a search: it needs columns 'spent' and 'best', and a row.")
-    history: dict[str, list[float]] = {name: [] for name in header}
-    for number, row in enumerate(rows, start=2):
-        try:
-            for name, cell in zip(header, row, strict=True):
-                history[name].append(float(cell))
-        except ValueError as error:
-            raise HopdiffError(f"{path}, line {number}: not {len(header)} numbers.") from error
-    return history
+def choose(records: Sequence[RunRecord]) -> Chosen:
+    """As many series and problems as can be told apart: the best series by median cost, and problems over the whole
+    range of them."""
+    sentences = []
+    names = names_of(records)
+    if len(names) > MOST_SERIES:
+        known = standings(records)
+        best = sorted(names, key=lambda name: known[name].place)[:MOST_SERIES]
+        sentences.append(
+            f"Pictures show the {MOST_SERIES} best of {len(names)} series, by their place in median cost at each speed"
+            " and beta."
+        )
+        records = [record for record in records if record.series.name in best]
+    problems = sorted({problem_of(record) for record in records})
+    room = max(1, min(MOST_PROBLEMS, MOST_ROWS // len(names_of(records))))
+    if (count := len(problems)) > room:
+        problems = spread(problems, room)
+        sentences.append(f"Pictures of single speeds and betas show {room} of {count}, spread over all of them.")
+    return Chosen(list(records), problems, sentences)
 
 
-def compare_figures(records: Sequence[RunRecord]) -> dict[str, Figure]:
+def compare_figures(chosen: Chosen) -> dict[str, Figure]:
     """Overlays by name: "convergence" if a search is among the runs, "summary", and "style" for several betas."""
-    figures = {"summary": summary_figure(records)}
-    if any(record.history for record in records):
-        figures["convergence"] = convergence_overlay(records)
-    if len({record.metrics["beta"] for record in records}) > 1:
-        figures["style"] = style_figure(records)
+    shown = [record for record in chosen.records if problem_of(record) in chosen.problems]
+    figures = {"summary": summary_figure(shown)}
+    if any(record.history for record in complete(shown)):
+        figures["convergence"] = convergence_overlay(shown)
+    if len({record.metrics["beta"] for record in complete(chosen.records)}) > 1:
+        figures["style"] = style_figure(chosen.records)
     return figures
 
 
 def convergence_overlay(records: Sequence[RunRecord]) -> Figure:
-    """Best cost against what was spent, a panel for every speed and beta, a colour for every series (see `series`).
+    """Best cost against what was spent, a panel for every speed and beta, a colour for every series.
 
-    Several runs of one series make a line for their median and a band from the least to the greatest.
+    Several runs of one series make a line for their median and a band from the least to the greatest. Interrupted
+    searches are left out.
     """
-    searched = [record for record in records if record.history]
-    problems = sorted({problem_of(record) for record in searched})
-    name = series(records)
-    columns = min(3, len(problems))
-    rows = math.ceil(len(problems) / columns)
-    figure = style.new_figure(4.2 * columns + 0.8, 3.0 * rows + 1.3, "Best cost against evaluations")
+    panels_of = by_problem([record for record in complete(records) if len(record.history)])
+    present = {name for groups in panels_of.values() for name in groups}
+    colours = {name: colour for name, colour in colours_of(records).items() if name in present}
+    columns = min(3 if len(panels_of) <= 9 else 4, len(panels_of))
+    rows = math.ceil(len(panels_of) / columns)
+    width = max(4.2 * columns + 0.8, least_width(list(colours)))
+    height = 3.0 * rows + 1.0 + legend_height(list(colours), width)
+    figure = style.new_figure(width, height, "Best cost against evaluations")
     panels = list(figure.subplots(rows, columns, squeeze=False).flat)
-    colours = colours_of(map(name, searched))
-    for axes, problem in zip(panels, problems, strict=False):
-        groups = defaultdict(list)
-        for record in searched:
-            if problem_of(record) == problem:
-                groups[name(record)].append(record)
-        for label, group in sorted(groups.items()):
-            _band(axes, group, colours[label], label)
+    for axes, (problem, groups) in zip(panels, panels_of.items(), strict=False):
+        for label, group in groups.items():
+            _curve(axes, group, colours[label], label, len(groups) <= MOST_BANDS)
         _scale_cost(axes, [record for group in groups.values() for record in group])
         axes.set_title(problem_name(problem))
         style.tidy(axes)
-    for axes in panels[max(0, len(problems) - columns) : len(problems)]:
+    for axes in panels[max(0, len(panels_of) - columns) : len(panels_of)]:
         axes.set_xlabel("evaluations (a gradient counts as several)")
-    for axes in panels[len(problems) :]:
+    for axes in panels[len(panels_of) :]:
         axes.axis("off")
-    handles = [Line2D([], [], color=colour, linewidth=1.8) for colour in colours.values()]
-    figure.legend(handles, list(colours), loc="outside lower center", ncols=min(6, len(handles)), frameon=False)
+    legend_below(figure, {name: {"color": colour} for name, colour in colours.items()})
     return figure
 
 
@@ -124,120 +122,105 @@ def _scale_cost(axes: Axes, group: Sequence[RunRecord]) -> None:
     first = max(values[0] for values in best if values)
     axes.set_yscale("log")
     axes.set_ylim(0.9 * low, 1.1 * min(first, max(8.0 * low, 1.5 * worst_end)))
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())
 
 
-def _band(axes: Axes, group: Sequence[RunRecord], colour: str, label: str) -> None:
+def _curve(axes: Axes, group: Sequence[RunRecord], colour: str, label: str, band: bool) -> None:
     grid = np.unique(np.concatenate([record.history["spent"] for record in group]))
+    if len(grid) > MOST_POINTS:
+        grid = grid[np.linspace(0, len(grid) - 1, MOST_POINTS).round().astype(int)]
     curves = np.array([held(grid, record.history["spent"], record.history["best"]) for record in group])
     known = np.isfinite(curves).all(axis=0)
-    axes.plot(grid[known], np.median(curves[:, known], axis=0), color=colour, linewidth=1.8, label=label)
-    if len(group) > 1:
-        axes.fill_between(
-            grid[known],
-            curves[:, known].min(axis=0),
-            curves[:, known].max(axis=0),
-            color=colour,
-            alpha=0.18,
-            linewidth=0,
-        )
-
-
-def held(grid: np.ndarray, spent: Sequence[float] | np.ndarray, best: Sequence[float] | np.ndarray) -> np.ndarray:
-    """The best value so far at every point of the grid; infinite before the first."""
-    place = np.searchsorted(spent, grid, side="right") - 1
-    return np.where(place >= 0, np.asarray(best)[np.maximum(place, 0)], np.inf)
+    middle = np.median(curves[:, known], axis=0)
+    # A best value holds until a better one is found.
+    axes.plot(grid[known], middle, color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
+    if band and len(group) > 1:
+        low, high = curves[:, known].min(axis=0), curves[:, known].max(axis=0)
+        axes.fill_between(grid[known], low, high, color=colour, alpha=0.18, linewidth=0, step="post")
 
 
 def summary_figure(records: Sequence[RunRecord]) -> Figure:
-    """Final numbers: a row for every series of every speed and beta, a dot a run, a bar the median.
+    """Final numbers: a row for every series, the least median cost first, below its speed and beta.
 
-    Costs of different speeds or betas are never pooled: they are not of one kind.
+    A dot is a run, a bar the median of several; hollow dots are interrupted searches, which no median counts. Costs of
+    different speeds or betas are never pooled: they are not of one kind.
     """
-    name = series(records)
-    groups = defaultdict(list)
-    for record in records:
-        groups[problem_of(record), name(record)].append(record.metrics)
-    keys = sorted(groups)
-    # Half a row of air between one speed and beta and the next.
-    places = np.cumsum([0.0] + [1.0 if a[0] == b[0] else 1.5 for a, b in pairwise(keys)])
-    figure = style.new_figure(12.0, 1.3 + 0.3 * (float(places[-1]) + 1.0), "Results by search")
-    panels = figure.subplots(1, len(_RESULTS), sharey=True)
-    colours = colours_of(map(name, records))
-    for axes, (label, value) in zip(panels, _RESULTS, strict=True):
-        for place, key in zip(places, keys, strict=True):
-            found = np.array([value(metrics) for metrics in groups[key]], dtype=float)
-            found = found[np.isfinite(found)]
-            if len(found) > 0:
-                axes.plot(found, np.full(len(found), place), "o", color=colours[key[1]], alpha=0.55, markeredgewidth=0)
-                axes.plot([np.median(found)] * 2, [place - 0.35, place + 0.35], color=colours[key[1]], linewidth=2.5)
+    problems = by_problem(records)
+    colours = colours_of(records)
+    rows: list[tuple[str, list[RunRecord]]] = []  # name and runs; without runs it is the heading of a problem
+    for problem, groups in problems.items():
+        if len(problems) > 1:
+            rows.append((problem_name(problem), []))
+        rows += sorted(groups.items(), key=lambda item: _order(item[1]))
+    title = "Results" if len(problems) > 1 else f"Results at {problem_name(next(iter(problems)))}"
+    if any(record.status != "complete" for record in records):
+        title += " (hollow: interrupted)"
+    measured = [(label, value) for label, value in _RESULTS if _finite(records, value)]
+    width = 2.7 * len(measured) + min(4.0, least_width([name for name, _ in rows]))
+    figure = style.new_figure(width, 1.3 + 0.27 * len(rows), title)
+    panels = figure.subplots(1, len(measured), sharey=True, squeeze=False)[0]
+    for axes, (label, value) in zip(panels, measured, strict=True):
+        for place, (name, runs) in enumerate(rows):
+            _dots(axes, place, runs, value, colours.get(name, style.INK))
+        _scale(axes, _finite(records, value))
+        if label == _ENERGY[0]:
+            axes.axvline(0.0, color=style.GROUND, linewidth=1.0, zorder=1)
         axes.set_xlabel(label)
+        style.tidy(axes)
+    panels[0].set_yticks(range(len(rows)), [name for name, _ in rows])
+    for tick, (_, runs) in zip(panels[0].get_yticklabels(), rows, strict=True):
+        tick.set_fontweight("normal" if runs else "bold")
+    panels[0].set_ylim(len(rows) - 0.4, -0.6)
+    return figure
+
+
+def _order(runs: Sequence[RunRecord]) -> tuple[bool, float]:
+    """Rows without a finished run stand below the others."""
+    finished = complete(runs)
+    return not finished, median_cost(finished or runs)
+
+
+def _finite(records: Sequence[RunRecord], value: Callable[[dict[str, Any]], float | None]) -> list[float]:
+    found = np.array([value(record.metrics) for record in records], dtype=float)
+    return [float(number) for number in found[np.isfinite(found)]]
+
+
+def _dots(
+    axes: Axes, place: int, runs: Sequence[RunRecord], value: Callable[[dict[str, Any]], float | None], colour: str
+) -> None:
+    finished = _finite(complete(runs), value)
+    others = _finite([record for record in runs if record.status != "complete"], value)
+    if finished:
+        axes.plot(finished, [place] * len(finished), "o", color=colour, alpha=0.55, markeredgewidth=0)
+    if others:
+        axes.plot(others, [place] * len(others), "o", color=colour, alpha=0.8, markerfacecolor="none")
+    if len(finished) > 1:
+        axes.plot([np.median(finished)] * 2, [place - 0.35, place + 0.35], color=colour, linewidth=2.5)
+
+
+def _scale(axes: Axes, values: Sequence[float]) -> None:
+    if min(values) > 0 and max(values) > 10.0 * min(values):
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0) if max(values) < 100.0 * min(values) else (1.0,)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_locator(NullLocator())
+    else:
         axes.xaxis.set_major_locator(MaxNLocator(4))
-        style.tidy(axes)
-    panels[0].set_yticks(places, [f"{problem_name(problem)}: {label}" for problem, label in keys])
-    panels[0].set_ylim(places[-1] + 0.7, -0.7)
-    panels[_RESULTS.index(_ENERGY)].axvline(0.0, color=style.GROUND, linewidth=1.0, zorder=1)
-    return figure
 
 
-def style_figure(records: Sequence[RunRecord]) -> Figure:
-    """How contact, flight, bounce and arms change with beta, a line for every speed (mean over its runs)."""
-    figure = style.new_figure(10.0, 7.0, "What briskness does")
-    speeds = sorted({record.metrics["speed"] for record in records})
-    for axes, (name, label) in zip(figure.subplots(2, 2).flat, _STYLE, strict=True):
-        for i, speed in enumerate(speeds):
-            groups = defaultdict(list)
-            for record in records:
-                if record.metrics["speed"] == speed and record.metrics.get(name) is not None:
-                    groups[record.metrics["beta"]].append(record.metrics[name])
-            betas = sorted(groups)
-            colour = style.SERIES[i % len(style.SERIES)]
-            axes.plot(betas, [np.mean(groups[b]) for b in betas], "o-", color=colour, label=f"{speed:g} m/s")
-        axes.set_xlabel("beta")
-        axes.set_ylabel(label)
-        style.tidy(axes)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)), frameon=False)
-    return figure
-
-
-def _energy_error(metrics: dict[str, Any]) -> float:
+def energy_error(metrics: dict[str, Any]) -> float:
+    """How far the energy is from its target [%]; nan where the target is 0."""
     target = metrics["energy_target"]
     return 100.0 * (metrics["energy_rate"] / target - 1.0) if target else math.nan
 
 
 _Result = tuple[str, Callable[[dict[str, Any]], float | None]]
-_ENERGY: _Result = ("energy error [%]", _energy_error)
+_ENERGY: _Result = ("energy error [%]", energy_error)
 _RESULTS: tuple[_Result, ...] = (
     ("final cost", lambda metrics: metrics["cost"]),
     ("eval of Kang (1999)", lambda metrics: metrics.get("eval")),
     _ENERGY,
     ("time of the search [s]", lambda metrics: metrics.get("wall_seconds")),
 )
-
-
-def series(records: Sequence[RunRecord]) -> Callable[[RunRecord], str]:
-    """What the line of a run is called: its search, and whichever of model, costs, body and genes tell runs apart."""
-    told = ("model", "costs", "character", "genes")
-    names = [name for name in told if len({_choice(record, name) for record in records}) > 1]
-    return lambda record: ", ".join([str(record.metrics["search"]), *(_choice(record, name) for name in names)])
-
-
-def _choice(record: RunRecord, name: str) -> str:
-    return str(record.metrics.get(name, "default"))
-
-
-def problem_of(record: RunRecord) -> tuple[float, float]:
-    """Speed and beta of a run."""
-    return record.metrics["speed"], record.metrics["beta"]
-
-
-def problem_name(problem: tuple[float, float]) -> str:
-    return f"{problem[0]:g} m/s, beta {problem[1]:g}"
-
-
-def colours_of(names: Iterable[str]) -> dict[str, str]:
-    """A colour for every different name."""
-    return {name: style.SERIES[i % len(style.SERIES)] for i, name in enumerate(sorted(set(names)))}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
@@ -18,18 +17,11 @@ from matplotlib import font_manager
 from PIL import Image, ImageDraw, ImageFont
 
 from hopdiff.io.files import whole_file, write_whole
-from hopdiff.messages import choose
 from hopdiff.plots import style
+from hopdiff.plots.encoders import KINDS, check_film, find_ffmpeg
 from hopdiff.plots.view import Array
 from hopdiff.types import HopdiffError
 
-try:  # brings an ffmpeg along
-    import imageio_ffmpeg
-except ImportError:
-    imageio_ffmpeg = None
-
-KINDS = ("gif", "webp", "mp4", "none")
-ENCODERS = ("libx264", "libopenh264")  # what every browser and editor shows, the better one first
 WIDTHS = {"gif": 480, "webp": 480, "mp4": 720}  # pixels
 LONGEST = {"gif": 12.0, "webp": 12.0, "mp4": 60.0}  # seconds shown of what is no loop
 _QUALITY = {"libx264": ("-crf", "20", "-preset", "veryfast"), "libopenh264": ("-b:v", "4M")}
@@ -83,38 +75,6 @@ def write_film(path: str | os.PathLike[str], film: Film, width: int | None = Non
         _write_pillow(path, "GIF", frames, [10 * delay for delay in delays], disposal=1)
 
 
-def check_film(kind: str, wanted: bool = True) -> None:
-    """Raises HopdiffError if the setting `animation` is unknown or, where films are wanted, nothing here encodes it."""
-    choose("animation", kind, KINDS)
-    if kind == "webp" and wanted:
-        Image.init()
-        if "WEBP" not in Image.SAVE_ALL:
-            raise HopdiffError("animation=webp needs a Pillow that was built with WebP: set animation=gif, or mp4.")
-    if kind == "mp4" and wanted:
-        find_ffmpeg()
-
-
-def find_ffmpeg() -> tuple[str, str]:
-    """An ffmpeg that writes H.264 and its encoder: that on PATH, else the one of the package imageio-ffmpeg.
-
-    Raises HopdiffError, saying how to get one, where there is none.
-    """
-    for program in _programs():
-        try:
-            known = subprocess.run(
-                [program, "-hide_banner", "-encoders"], capture_output=True, text=True, errors="replace", timeout=60
-            ).stdout.split()
-        except (OSError, subprocess.TimeoutExpired):
-            continue
-        for encoder in ENCODERS:
-            if encoder in known:
-                return program, encoder
-    raise HopdiffError(
-        f"animation=mp4 needs an ffmpeg with {' or '.join(ENCODERS)}, and none was found: put one on PATH, or"
-        " `pip install imageio-ffmpeg`."
-    )
-
-
 def spread(duration: float, unit: float, pace: float) -> list[int]:
     """Delays after each picture in whole units, whose sum is the duration within half a unit. unit, pace: [s]."""
     total = max(2, round(duration / unit))
@@ -130,16 +90,6 @@ def gif_timing(duration: float, pace: float, loops: bool = True) -> tuple[int, l
     while loops and rounds < 9 and abs(round(100.0 * rounds * duration) / (100.0 * rounds * duration) - 1) > _TOLERANCE:
         rounds += 1
     return rounds, spread(rounds * duration, 0.01, pace)
-
-
-def _programs() -> Iterator[str]:
-    if (found := shutil.which("ffmpeg")) is not None:
-        yield found
-    if imageio_ffmpeg is not None:
-        try:
-            yield imageio_ffmpeg.get_ffmpeg_exe()
-        except RuntimeError:
-            return
 
 
 def _pictures(film: Film, duration: float, unit: float, delays: list[int], width: int) -> Iterator[Image.Image]:

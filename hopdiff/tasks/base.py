@@ -14,7 +14,7 @@ from hopdiff.config import Config, build_job, check_names, checked, plain_settin
 from hopdiff.export.request import Exports
 from hopdiff.io.run_folder import RunFolder
 from hopdiff.job import Job
-from hopdiff.plots.film import check_film
+from hopdiff.plots.encoders import check_film
 from hopdiff.types import HopdiffError
 
 

@@ -37,7 +37,7 @@ def write_edit(folder: Path, edit: Edit, request: Request, settings: Mapping[str
     write_json(folder / "metrics.json", edit.metrics)
     pictures = write_pictures(folder, edit_figures(edit, request)) if settings["pictures"] else {}
     numbers = {name: float(value) for name, value in edit.metrics.items() if isinstance(value, float)}
-    write_events(folder, [numbers], pictures=pictures)
+    write_events(folder, results=numbers, pictures=pictures)
 
 
 def edit_figures(edit: Edit, request: Request) -> Figures:

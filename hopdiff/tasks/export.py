@@ -16,8 +16,8 @@ from hopdiff.io.bvh import read_bvh
 from hopdiff.io.files import read_json
 from hopdiff.io.run_folder import RunFolder
 from hopdiff.job import run_name
+from hopdiff.runs.folders import find_runs
 from hopdiff.tasks.base import Call, Task, Work
-from hopdiff.tasks.compare import find_runs
 from hopdiff.tasks.results import shown
 from hopdiff.types import HopdiffError
 

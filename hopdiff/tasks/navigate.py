@@ -100,8 +100,8 @@ def build(call: Call) -> Work:
                 "strip": lambda: sticks_figure(walk.clip),
             }
             pictures = write_pictures(folder.path, figures)
-        scalars = {name: float(value) for name, value in numbers.items() if isinstance(value, float)}
-        write_events(folder.path, [scalars], pictures=pictures)
+        final = {name: value for name, value in numbers.items() if isinstance(value, float)}
+        write_events(folder.path, results=final, pictures=pictures)
         print(summary(folder.path, numbers), flush=True)
 
     return work

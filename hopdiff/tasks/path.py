@@ -89,7 +89,7 @@ def build(call: Call) -> Work:
         write_found(folder.path, job, result)
         run = path_run(job, route, result)
         folder.interrupted, folder.notes = run.interrupted, notes_of(run)
-        write_path_run(folder.path, job, route, run)
+        write_path_run(folder.path, job, route, run, folder.command)
         print(path_summary(folder.path, run, folder.notes), flush=True)
 
     return work
@@ -198,7 +198,7 @@ def path_metrics(route: Route, motion: Motion, strides: int) -> dict[str, Any]:
     return found
 
 
-def write_path_run(folder: Path, job: Job, route: Route, run: Run) -> None:
+def write_path_run(folder: Path, job: Job, route: Route, run: Run, command: Sequence[str]) -> None:
     """Write everything a run along a path leaves behind. Raises HopdiffError if a file cannot be written."""
     motion = run.motion
     write_numbers(folder, job, run)
@@ -217,7 +217,7 @@ def write_path_run(folder: Path, job: Job, route: Route, run: Run) -> None:
         first, second = caption(run)
         way = f"{route.curve.length:.1f} m in {route.time:g} s: {first}"
         write_moving(folder, job, path_film(motion, point, (way, second)))
-    write_run_events(folder, job, run, pictures)
+    write_run_events(folder, run, command, pictures)
 
 
 def path_summary(folder: Path, run: Run, notes: Sequence[Note] = ()) -> str:

@@ -44,7 +44,7 @@ def build(call: Call) -> Work:
     def work(folder: RunFolder) -> None:
         done = make_run(job, genes)
         folder.notes = notes_of(done)
-        write_run(folder.path, job, done)
+        write_run(folder.path, job, done, folder.command)
         unit = zip(job.table.names, genes.tolist(), strict=True)
         if outside := [name for name, value in unit if not 0 <= value <= 1]:
             print(f"Outside the range of a search on this body at this speed: {', '.join(outside)}.", flush=True)

@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 
 from hopdiff.export.tables import write_npz
 from hopdiff.io.bvh import write_bvh
-from hopdiff.io.events import write_events
+from hopdiff.io.events import final_numbers, write_events
 from hopdiff.io.files import write_whole
 from hopdiff.io.genes_file import write_genes
 from hopdiff.io.record import git_state, versions, write_json, write_table
@@ -26,11 +26,10 @@ from hopdiff.plots.film import Film, write_film
 from hopdiff.plots.front import front_figure
 from hopdiff.plots.save import save_figure
 from hopdiff.plots.strip import strip_figure
+from hopdiff.runs.settings import typed_values
 from hopdiff.search.loop import HistoryRow, SearchResult
 
 DRAWN_FPS = 1000.0  # frames/s of what is drawn: curves are smooth, and poses are those of their moments
-# What a row of the HParams table is told apart by.
-HPARAMS = ("speed", "beta", "seed", "dtype")
 
 
 def write_found(folder: Path, job: Job, result: SearchResult) -> None:
@@ -41,8 +40,11 @@ def write_found(folder: Path, job: Job, result: SearchResult) -> None:
     write_settings(folder, job.settings)
 
 
-def write_run(folder: Path, job: Job, run: Run) -> None:
-    """Write everything a run leaves behind, numbers first. Raises HopdiffError if a file cannot be written."""
+def write_run(folder: Path, job: Job, run: Run, command: Sequence[str]) -> None:
+    """Write everything a run leaves behind, numbers first. command: the overrides typed by the user.
+
+    Raises HopdiffError if a file cannot be written.
+    """
     write_numbers(folder, job, run)
     write_motion(folder, run)
     write_bvh(folder / "motion_in_place.bvh", run.clip.in_place())
@@ -51,7 +53,7 @@ def write_run(folder: Path, job: Job, run: Run) -> None:
         drawn = densely(job, run)
         pictures = write_pictures(folder, stride_figures(drawn))
         write_moving(folder, job, stride_film(drawn.motion, caption(run)))
-    write_run_events(folder, job, run, pictures)
+    write_run_events(folder, run, command, pictures)
 
 
 def write_motion(folder: Path, run: Run) -> None:
@@ -76,13 +78,13 @@ def write_history(folder: Path, history: Sequence[HistoryRow]) -> None:
         write_table(folder / "history.csv", columns, ([row.get(name) for name in columns] for row in rows))
 
 
-def write_run_events(folder: Path, job: Job, run: Run, pictures: Mapping[str, Path]) -> None:
+def write_run_events(folder: Path, run: Run, command: Sequence[str], pictures: Mapping[str, Path]) -> None:
     """Write TensorBoard events of a run, with its pictures in them."""
     write_events(
         folder,
         scalars=[_scalars(row) for row in run.history],
-        settings=_hparams(job),
-        metrics={name: value for name, value in run.metrics.items() if isinstance(value, float)},
+        settings=typed_values(command),
+        results=final_numbers(run.metrics),
         pictures=pictures,
     )
 
@@ -213,8 +215,3 @@ def shown(folder: Path) -> str:
 
 def _scalars(row: HistoryRow) -> dict[str, float]:
     return {f"search/{name}": float(value) for name, value in row.flat().items() if name != "step"}
-
-
-def _hparams(job: Job) -> Mapping[str, Any]:
-    groups = {name: job.settings[name]["name"] for name in ("model", "search", "character", "costs", "genes")}
-    return {**{name: job.settings[name] for name in HPARAMS}, **groups, "evaluations": job.budget.evaluations}

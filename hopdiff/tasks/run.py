@@ -26,7 +26,7 @@ def build(call: Call) -> Work:
         write_found(folder.path, job, result)
         found = make_run(job, result.best_genes, result)
         folder.interrupted, folder.notes = found.interrupted, notes_of(found)
-        write_run(folder.path, job, found)
+        write_run(folder.path, job, found, folder.command)
         print(summary(folder.path, job, found, folder.notes), flush=True)
 
     return work

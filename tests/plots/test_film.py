@@ -14,18 +14,8 @@ from hypothesis import strategies as st
 from PIL import Image, ImageDraw, ImageSequence
 
 from hopdiff.plots import film as film_module
-from hopdiff.plots.film import (
-    ENCODERS,
-    LONGEST,
-    WIDTHS,
-    Film,
-    caption,
-    check_film,
-    find_ffmpeg,
-    gif_timing,
-    spread,
-    write_film,
-)
+from hopdiff.plots.encoders import ENCODERS, check_film, find_ffmpeg
+from hopdiff.plots.film import LONGEST, WIDTHS, Film, caption, gif_timing, spread, write_film
 from hopdiff.types import HopdiffError
 
 Image.init()
@@ -201,7 +191,7 @@ def on_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pa
     folder = tmp_path / "programs"
     folder.mkdir()
     monkeypatch.setenv("PATH", str(folder))
-    monkeypatch.setattr(film_module, "imageio_ffmpeg", None)
+    monkeypatch.setattr("hopdiff.plots.encoders.imageio_ffmpeg", None)
 
     def put(script: str | None = None, **names: str) -> Path:
         program = folder / "ffmpeg"

@@ -244,7 +244,7 @@ def test_a_film_that_cannot_be_is_refused_before_the_search(
     kind: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr("hopdiff.plots.film.imageio_ffmpeg", None)
+    monkeypatch.setattr("hopdiff.plots.encoders.imageio_ffmpeg", None)
     assert ordinary(tmp_path / "run", monkeypatch, f"animation={kind}") == 1
     err = capsys.readouterr().err
     assert err.startswith(said)
