@@ -127,7 +127,7 @@ def _compared(case: Case, before: Made | CommandError, after: Made | CommandErro
     """The files of both sides, and the numbers that both have."""
     if isinstance(before, CommandError) or isinstance(after, CommandError):
         yield Row(
-            case.name, "all", *("failed" if isinstance(made, CommandError) else "made" for made in (before, after))
+            case.name, "all", *(MISSING if isinstance(made, CommandError) else "made" for made in (before, after))
         )
         return
     for name in sorted({*before.digests, *after.digests}):
