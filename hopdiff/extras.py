@@ -1,0 +1,5 @@
+import os
+
+
+def enter() -> None:
+    os.chdir(os.environ["HOPDIFF_FOLDER"])
