@@ -1,25 +1,57 @@
-"""hopdiff: human running motion from a speed and a briskness, without motion capture."""
+"""hopdiff: human running motion from a speed and a briskness, without motion capture.
+
+generate, save       a run, and files of it for other programs
+body                 the table of a body, to be changed and given to generate
+results              a folder of runs as one table
+optimise             any search on any problem; Search, Problem, Eval and Budget are the contract
+Term                 a row of the objective, for generate(costs=[...])
+HopdiffError         what is raised for whatever the user can put right
+"""
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hopdiff.api import generate, save
-    from hopdiff.types import HopdiffError
+    from hopdiff.api import body, generate, optimise, save
+    from hopdiff.objective import Term
+    from hopdiff.search.base import Eval, Problem, Search
+    from hopdiff.search.loop import Budget, SearchResult
+    from hopdiff.types import HopdiffError, Status
 
 __version__ = "0.1.0"
-__all__ = ["HopdiffError", "__version__", "generate", "save"]
+
+# Public name -> the module that holds it, which is loaded when the name is first used.
+_HOMES = {
+    **dict.fromkeys(("body", "generate", "optimise", "save"), "hopdiff.api"),
+    "Term": "hopdiff.objective",
+    **dict.fromkeys(("Eval", "Problem", "Search"), "hopdiff.search.base"),
+    **dict.fromkeys(("Budget", "SearchResult"), "hopdiff.search.loop"),
+    **dict.fromkeys(("HopdiffError", "Status"), "hopdiff.types"),
+}
+__all__ = [
+    "Budget",
+    "Eval",
+    "HopdiffError",
+    "Problem",
+    "Search",
+    "SearchResult",
+    "Status",
+    "Term",
+    "__version__",
+    "body",
+    "generate",
+    "optimise",
+    "save",
+]
 
 
 def __getattr__(name: str) -> Any:
-    """Load the generator when it is first used, so that its parts can be imported without the whole."""
-    if name in ("generate", "save"):
-        from hopdiff import api
-
-        return getattr(api, name)
-    if name == "HopdiffError":
-        from hopdiff.types import HopdiffError
-
-        return HopdiffError
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

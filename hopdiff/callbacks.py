@@ -1,8 +1,9 @@
-"""What Hydra calls during a sweep: a sweep that ends in its comparison."""
+"""What Hydra calls during a sweep: a count at its end, and where it is asked for a comparison of its runs."""
 
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -10,41 +11,78 @@ from hydra.core.utils import JobReturn, JobStatus
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
-from hopdiff.tasks.compare import compare
+from hopdiff.doors import load
+from hopdiff.io.run_folder import COMPLETE, STATUS, RefusedError, read_status
 from hopdiff.types import HopdiffError
 
-FAILED = "failed.txt"
+SHOWN = 5  # sentences of runs that failed
+REFUSED = ".refused"  # file of a sweep with the sentences of jobs that had no folder of their own to keep them in
 
 
-class CompareRuns(Callback):
-    """Compares the runs of a sweep when all are done, in its subfolder `compare`; jobs that failed are left out.
+class Sweep(Callback):
+    """Lets a sweep go on after jobs that failed, and tells at its end how its runs ended; status 1 if one is missing.
 
-    Named in an experiment: `hydra.callbacks.compare._target_: hopdiff.callbacks.CompareRuns`.
+    compare: whether it ends in a comparison of its runs, in the subfolder `compare`:
+    `hydra.callbacks.sweep.compare=true`.
     """
 
+    def __init__(self, compare: bool = False) -> None:
+        self.compare = compare
+
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Forget the failures of an earlier sweep into the same folder."""
-        (Path(config.hydra.sweep.dir) / FAILED).unlink(missing_ok=True)
+        """Forget what an earlier sweep into this folder refused."""
+        (Path(config.hydra.sweep.dir) / REFUSED).unlink(missing_ok=True)
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
-        """Keep a user's error (already printed) in a list, since Hydra would end a sweep with a failed job there."""
+        """A user's error was printed, and is kept in the job's folder; Hydra would end the sweep there."""
         error = job_return._return_value
         if job_return.status == JobStatus.FAILED and isinstance(error, HopdiffError):
-            # Jobs may be processes of their own, so the list is a file.
-            with open(Path(config.hydra.sweep.dir) / FAILED, "a", encoding="utf-8") as file:
-                file.write(f"{error}\n")
+            if isinstance(error.__cause__, RefusedError):
+                # Jobs may be processes of their own, so this is a file.
+                with open(Path(config.hydra.sweep.dir) / REFUSED, "a", encoding="utf-8") as file:
+                    file.write(f"{error}\n")
             job_return.status, job_return.return_value = JobStatus.COMPLETED, None
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
-        """Compare; ends the program with status 1 if that cannot be done or a job failed."""
+        """Count and compare; ends the program with status 1 if a run is not complete or nothing can be compared."""
         sweep = Path(config.hydra.sweep.dir)
+        ended, said = _endings(sweep)
+        if (refused := sweep / REFUSED).is_file():
+            lines = refused.read_text(encoding="utf-8").splitlines()
+            ended["refused"], said = len(lines), [*lines, *said]
+            refused.unlink()
+        failed = sum(ended.values()) - ended[COMPLETE]
+        if self.compare:
+            try:
+                load("hopdiff.tasks.compare", "compare")(sweep, sweep / "compare")
+            except HopdiffError as error:
+                print(f"hopdiff: {error}", file=sys.stderr)
+                # Hydra turns any other exception of a callback into a warning.
+                sys.exit(1)
+        counts = ", ".join(f"{count} {status}" for status, count in ended.items())
+        print(f"{sum(ended.values())} runs in {sweep}: {counts}.", flush=True)
+        if failed:
+            for line in said[:SHOWN]:
+                print(f"hopdiff: {line}", file=sys.stderr)
+            more = f" (and {len(said) - SHOWN} more)" if len(said) > SHOWN else ""
+            print(
+                f"hopdiff: {failed} of the runs are not complete{more}: their status.json says why. The same command"
+                f" with hydra.sweep.dir={sweep} makes only these.",
+                file=sys.stderr,
+            )
+            sys.exit(1)
+
+
+def _endings(sweep: Path) -> tuple[Counter[str], list[str]]:
+    """How often runs of a sweep ended in which way, and the sentences of those that are not complete."""
+    ended: Counter[str] = Counter()
+    said = []
+    for path in sorted(sweep.rglob(STATUS)):
         try:
-            compare(sweep, sweep / "compare")
+            found = read_status(path.parent) or {}
         except HopdiffError as error:
-            print(f"hopdiff: {error}", file=sys.stderr)
-            # Hydra turns any other exception of a callback into a warning.
-            sys.exit(1)
-        if (failed := sweep / FAILED).is_file():
-            count = len(failed.read_text(encoding="utf-8").splitlines())
-            print(f"hopdiff: {count} of the jobs failed and are not compared: see {failed}.", file=sys.stderr)
-            sys.exit(1)
+            found = {"status": "unreadable", "sentence": str(error)}
+        ended[found["status"]] += 1
+        if found["status"] != COMPLETE:
+            said.append(f"{path.parent.name}: {found.get('sentence')}")
+    return ended, said

@@ -64,12 +64,12 @@ class CharacterSettings:
     """A body. height: unit of all lengths, what the unchanged body measures [m]. mass [kg]. shoe: thickness of soles
     [height]. proportions: how it is changed. joint_limits_deg: flexion range (low, high) by joint kind."""
 
-    name: str = "human"
+    name: str
+    height: float
+    mass: float
+    proportions: ProportionSettings
     source: str = ""
-    height: float = 1.75
-    mass: float = 70.0
-    shoe: float = 0.014
-    proportions: ProportionSettings = field(default_factory=ProportionSettings)
+    shoe: float = 0.0
     joints: dict[str, JointSettings] = field(default_factory=dict)
     joint_limits_deg: dict[str, list[float]] = field(default_factory=dict)
 

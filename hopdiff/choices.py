@@ -1,49 +1,71 @@
-"""Groups of settings whose schema depends on what was chosen: searches by their names, costs by the model."""
+"""Groups of settings whose schema depends on what was chosen: searches and models by name, costs by the model."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from hopdiff.character import Character
 from hopdiff.costs import CostSettings
+from hopdiff.doors import SEARCHES
 from hopdiff.effort.settings import EffortSettings
 from hopdiff.messages import choose, one_line
-from hopdiff.search import SEARCHES
+from hopdiff.models import MODELS, AnyModel
+from hopdiff.models.limp import LimpSettings
 from hopdiff.search.base import Search
 from hopdiff.types import HopdiffError
 
 
 def build_search(settings: Mapping[str, Any]) -> Search:
     """The search that `name` stands for. Raises HopdiffError for an unknown name or setting, or a wrong value."""
-    name = choose("search.name", str(settings.get("name")), SEARCHES)
-    search: Search = _structured("search", name, SEARCHES[name], settings)
+    name = str(settings.get("name"))
+    schema = SEARCHES.load(name, "search.name")
+    if not (isinstance(schema, type) and is_dataclass(schema)):
+        raise HopdiffError(f"search={name} cannot be set up: {schema!r} is no dataclass.")
+    own = {entry.name for entry in fields(schema)}
+    given = settings if "name" in own else {key: value for key, value in settings.items() if key != "name"}
+    search: Search = structured("search", name, schema, given)
     return search
 
 
+def build_model(settings: Mapping[str, Any], character: Character, limp: LimpSettings) -> AnyModel:
+    """The model that `name` stands for. Raises HopdiffError, naming the setting, for an unknown or a wrong one."""
+    name = choose("model.name", str(settings.get("name")), MODELS)
+    own = structured("model", name, MODELS[name], settings)
+    limp.check()
+    model: AnyModel = own.build(character, limp if limp.amount > 0 else None)
+    return model
+
+
 def build_costs(settings: Mapping[str, Any], model: str) -> CostSettings | EffortSettings:
-    """The costs of a model. Raises HopdiffError for those of another one, an unknown setting, or a wrong value."""
+    """The costs of a model. Raises HopdiffError for those of another one, an unknown setting, or a wrong value.
+
+    Numbers under names that the class does not have are gathered in `extra`: weights of terms; the problem checks them.
+    """
     name, whole = str(settings.get("name")), "positive_work" in settings
     if whole != (model == "body"):
         fitting = "human or effort" if model == "body" else "default or thesis"
         raise HopdiffError(f"costs={name} cannot judge runs of model={model}: take costs={fitting}.")
-    costs: CostSettings | EffortSettings = _structured(
-        "costs", name, EffortSettings if whole else CostSettings, settings
-    )
+    schema = EffortSettings if whole else CostSettings
+    own = {entry.name for entry in fields(schema)}
+    extra = {key: value for key, value in settings.items() if key not in own and isinstance(value, int | float)}
+    rest = {key: value for key, value in settings.items() if key not in extra}
+    costs: CostSettings | EffortSettings = structured("costs", name, schema, {**rest, "extra": extra})
     return costs
 
 
-def _structured(group: str, name: str, schema: type, settings: Mapping[str, Any]) -> Any:
+def structured(group: str, name: str, schema: type, settings: Mapping[str, Any]) -> Any:
     """Settings of a group as an object of its class. Raises HopdiffError, naming the setting."""
     known = [entry.name for entry in fields(schema)]
     for key in settings:
         choose(f"setting of {group} {name}", key, known)
-    structured = OmegaConf.structured(schema)
-    OmegaConf.set_readonly(structured, False)
+    typed = OmegaConf.structured(schema)
+    OmegaConf.set_readonly(typed, False)
     try:
-        return OmegaConf.to_object(OmegaConf.merge(structured, dict(settings)))
+        return OmegaConf.to_object(OmegaConf.merge(typed, dict(settings)))
     except OmegaConfBaseException as error:
         raise HopdiffError(f"{group}.{error.full_key}: {one_line(error)}") from error

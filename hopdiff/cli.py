@@ -1,19 +1,26 @@
-"""The command line: `python -m hopdiff`."""
+"""The command line: `python -m hopdiff`. Nothing here loads PyTorch before there is something to do."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
-from hopdiff.config import HYDRA_BASE, as_typed, config_folder, known_settings, register_schema, with_new_names
+from hopdiff.composing import HYDRA_BASE, as_typed, register_choices, with_new_names
+from hopdiff.doors import config_folder, load
 from hopdiff.errors import sentence
-from hopdiff.perform import perform
+from hopdiff.io.run_folder import RefusedError, record_failure
 from hopdiff.types import HopdiffError
 
 INTERRUPTED = 130
@@ -32,7 +39,7 @@ def main() -> int:
     os.environ["HYDRA_FULL_ERROR"] = "1"  # so that Hydra hands its errors over instead of printing them
     sys.argv[1:] = with_new_names(sys.argv[1:])
     try:
-        register_schema()
+        register_choices()
         hydra.main(config_path=str(config_folder()), config_name="config", **HYDRA_BASE)(job)()
     except KeyboardInterrupt:
         print("hopdiff: interrupted.", file=sys.stderr)
@@ -52,27 +59,49 @@ def main() -> int:
 def job(config: DictConfig) -> None:
     """One run of the application, or one job of a sweep. Leaves no empty folder behind when it fails."""
     info = HydraConfig.get()
-    folder = Path(info.runtime.output_dir)
+    folder, words = Path(info.runtime.output_dir), list(info.overrides.task)
+    sweep = info.mode == RunMode.MULTIRUN
     try:
-        interrupted = perform(config, folder, list(info.overrides.task))
+        with _sigterm_interrupts():
+            interrupted = load("hopdiff.perform", "perform")(config, folder, words, resume=sweep)
     except BaseException as error:
         _remove_if_empty(folder)
         if not isinstance(error, Exception):
             raise
-        if info.mode == RunMode.RUN:
+        if not sweep:
             raise _Failed from error
-        if (said := sentence(error, known_settings)) is None:
+        if (said := sentence(error)) is None:
             raise
-        named = HopdiffError(as_typed(f"job {info.job.num} ({' '.join(info.overrides.task)}): {said}"))
+        settings: Any = OmegaConf.to_container(config, resolve=True)
+        if not isinstance(error, RefusedError):
+            record_failure(folder, str(config.task.name), words, settings, said)
+        named = HopdiffError(as_typed(f"job {info.job.num} ({' '.join(words)}): {said}"))
         print(f"hopdiff: {named}", file=sys.stderr, flush=True)
         raise named from error
     if interrupted:
         sys.exit(INTERRUPTED)
 
 
+@contextmanager
+def _sigterm_interrupts() -> Iterator[None]:
+    """SIGTERM, which schedulers send before they kill, ends a search as Ctrl-C does: the best so far is kept."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals reach the main thread only
+        return
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def _report(error: BaseException | None, trace: bool) -> int:
     assert error is not None
-    said = sentence(error, known_settings)
+    said = sentence(error)
     if trace or said is None:
         raise error from error.__cause__
     print(f"hopdiff: {as_typed(said)}", file=sys.stderr)

@@ -7,7 +7,8 @@ penalty that starts a little before.
 """
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -16,6 +17,7 @@ from torch import Tensor
 from hopdiff.character import Character
 from hopdiff.models.trajectory import JOINT_CHANNELS, LEG_CHANNELS, Trajectory
 from hopdiff.numerics import GRAVITY, safe_sqrt
+from hopdiff.objective import Term
 from hopdiff.types import Status
 
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
@@ -33,44 +35,46 @@ class StyleSettings:
     lean of the trunk to be trunk_lean_deg at every briskness.
     """
 
-    weight: float = 10.0
-    contact_time: float = -0.06
-    flight_time: float = 0.10
-    bounce: float = 0.10
-    arm_swing: float = 0.22
-    trunk_lean_deg: float = 8.0
-    trunk_lean_weight: float = 0.3
+    weight: float
+    contact_time: float
+    flight_time: float
+    bounce: float
+    arm_swing: float
+    trunk_lean_deg: float
+    trunk_lean_weight: float
 
 
 @dataclass
 class LimitSettings:
     """Constraints. A candidate that breaks one is not a possible run."""
 
-    leg_force_bw: float = 5.5
-    knee_stance_deg: float = 90.0
-    reach: float = 0.998
-    foot_below_ground_mm: float = 0.5
-    flight_time_s: float = 0.02
-    sway_stiffness: float = 0.03
-    penalty: float = 2.0
-    margin: float = 0.02
+    leg_force_bw: float
+    knee_stance_deg: float
+    reach: float
+    foot_below_ground_mm: float
+    flight_time_s: float
+    sway_stiffness: float
+    penalty: float
+    margin: float
 
 
 @dataclass
 class CostSettings:
     """gamma: form of the connectivity, "smooth" (bounded, differentiable) or "ratio" (as printed, guarded).
 
+    Defaults stand in conf/costs/. extra: weights of terms that have no setting of their own.
     The other numbers are weights; `energy_match` and `leg_force` and `ordinary` come on top of eval.
     """
 
-    name: str = "default"
-    gamma: str = "smooth"
-    gamma_guard: float = 1.0
-    energy_match: float = 60.0
-    leg_force: float = 0.02
-    ordinary: float = 0.4
-    style: StyleSettings = field(default_factory=StyleSettings)
-    limits: LimitSettings = field(default_factory=LimitSettings)
+    name: str
+    gamma: str
+    gamma_guard: float
+    energy_match: float
+    leg_force: float
+    ordinary: float
+    style: StyleSettings
+    limits: LimitSettings
+    extra: dict[str, float]
 
 
 class Calibration(NamedTuple):
@@ -81,6 +85,38 @@ class Calibration(NamedTuple):
     flight_time: float
     bounce: float
     arm_swing: float
+
+
+class Judged(NamedTuple):
+    """P candidates as the terms see them. genes: (P, G) of the unit box. gamma, energy: (P,) of equation (12), the
+    energy rate in the unit of the everyday run.
+    """
+
+    genes: Tensor
+    trajectory: Trajectory
+    gamma: Tensor
+    energy: Tensor
+
+
+def terms_of(settings: CostSettings, ordinary: Calibration, everyday: Tensor, free: Tensor, beta: float) -> list[Term]:
+    """The rows of the cost. everyday: (G,) genes of everyday running. free: (G,) 1 where a gene can vary.
+
+    A new term is one more row here; its weight may be `settings.extra.get(NAME, DEFAULT)`, which costs.NAME sets.
+    """
+    style = settings.style
+    lean = math.radians(style.trunk_lean_deg)
+    return [
+        _row("eval", 1.0, lambda j: evaluation(j.gamma, j.energy, beta), "paper"),
+        _row("energy_match", settings.energy_match, lambda j: energy_mismatch(j.energy, beta), "energy"),
+        _row("leg_force", settings.leg_force * (1.0 - beta), lambda j: leg_effort(j.trajectory), "effort"),
+        _row("style", style.weight, lambda j: style_mismatch(j.trajectory, ordinary, style, beta), "style"),
+        _row("posture", style.trunk_lean_weight, lambda j: posture_mismatch(j.trajectory, lean), "style"),
+        _row("ordinary", settings.ordinary, lambda j: ((j.genes - everyday) ** 2 * free).mean(-1), "style"),
+    ]
+
+
+def _row(name: str, weight: float, value: Callable[[Judged], Tensor], put_in: str) -> Term:
+    return Term(name, weight, value, put_in, view="hopper")
 
 
 def connectivity(trajectory: Trajectory, form: str, guard: float) -> Tensor:

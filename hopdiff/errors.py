@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import traceback
-from collections.abc import Callable, Iterable
 
 from hydra.errors import ConfigCompositionException, MissingConfigException, OverrideParseException
 from omegaconf.errors import (
@@ -16,6 +15,7 @@ from omegaconf.errors import (
 )
 from yaml import MarkedYAMLError
 
+from hopdiff.composing import known_settings, task_of
 from hopdiff.messages import near, one_line, unknown
 from hopdiff.types import HopdiffError
 
@@ -23,24 +23,26 @@ _KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or 
 _FOREIGN = ("/hydra/", "/omegaconf/", "/yaml/", "/antlr4/")
 
 
-def sentence(error: BaseException, known: Callable[[], Iterable[str]]) -> str | None:
-    """What the user should read, or None if the error is none of theirs.
+def sentence(error: BaseException) -> str | None:
+    """What the user should read, or None if the error is none of theirs. Endless digits are cut short."""
+    said = _sentence(error)
+    return None if said is None else re.sub(r"\d{41,}", lambda digits: f"{digits[0][:12]}... (many digits)", said)
 
-    known: gives the names of all settings, for suggestions.
-    """
+
+def _sentence(error: BaseException) -> str | None:
     match error:
         case HopdiffError():
             return str(error)
         case MissingConfigException():
-            return _missing_choice(error, known)
+            return _missing_choice(error)
         case OverrideParseException():
             return (
                 f"The override {error.override!r} cannot be read: write NAME=VALUE, with quotes around unusual values."
             )
         case ConfigCompositionException():
-            return _composition(error, known)
+            return _composition(error)
         case OmegaConfBaseException():
-            return _setting(error, str(error.full_key or ""), str(error), known)
+            return _setting(error, str(error.full_key or ""), str(error))
         case MarkedYAMLError():
             mark = error.problem_mark
             where = f"{mark.name}, line {mark.line + 1}" if mark else "A configuration file"
@@ -48,30 +50,32 @@ def sentence(error: BaseException, known: Callable[[], Iterable[str]]) -> str | 
         case OSError() if error.filename is not None:
             return f"The run folder (hydra.run.dir) cannot be written: {error.filename}: {error.strerror}."
         case ValueError() if isinstance(error.__cause__, OSError):  # the log file in the run folder
-            return sentence(error.__cause__, known)
+            return sentence(error.__cause__)
     return f"{one_line(error)}." if _raised_abroad(error) else None
 
 
-def _missing_choice(error: MissingConfigException, known: Callable[[], Iterable[str]]) -> str:
+def _missing_choice(error: MissingConfigException) -> str:
     group, _, name = str(error.missing_cfg_file or "").rpartition("/")
     if group and not error.options:  # one of a list of choices, whose settings are called after them
-        choices = {setting.split(".")[1] for setting in known() if setting.startswith(f"{group}s.")}
+        choices = {
+            setting.split(".")[1] for setting in known_settings(f"{group}s.") if setting.startswith(f"{group}s.")
+        }
         return unknown(group, name, choices)
     if not error.options:
         return f"Unknown group {group or name!r}: python -m hopdiff --help lists the groups."
     return unknown(group, name, error.options)
 
 
-def _composition(error: ConfigCompositionException, known: Callable[[], Iterable[str]]) -> str:
+def _composition(error: ConfigCompositionException) -> str:
     text = str(error)
     if isinstance(error.__cause__, OmegaConfBaseException):
         key = str(error.__cause__.full_key or "")
-        return _setting(error.__cause__, key, str(error.__cause__), known)
+        return _setting(error.__cause__, key, str(error.__cause__))
     if found := re.match(r"In '(.+?)': (\w+) raised while composing config:\s*(.*)", text, re.DOTALL):
         file, kind, rest = found.groups()
         name = re.search(r"full_key: (\S+)", rest)
         cause = {"ValidationError": ValidationError, "ConfigKeyError": ConfigKeyError}.get(kind, OmegaConfBaseException)
-        return f"{file}.yaml: {_setting(cause(rest), name.group(1) if name else '', rest, known)}"
+        return f"{file}.yaml: {_setting(cause(rest), name.group(1) if name else '', rest)}"
     if found := re.match(r"Could not override '(.+?)'\. No match in the defaults list", text):
         return f"{found.group(1)} is not chosen by default: write +{found.group(1)}=NAME."
     if found := re.match(r"Could not append to config. An item is already at '(.+?)'", text):
@@ -83,12 +87,16 @@ def _composition(error: ConfigCompositionException, known: Callable[[], Iterable
     return f"{one_line(error).rstrip('.')}."
 
 
-def _setting(error: OmegaConfBaseException, key: str, text: str, known: Callable[[], Iterable[str]]) -> str:
+def _setting(error: OmegaConfBaseException, key: str, text: str) -> str:
     """The sentence for a setting with a wrong name or value."""
     if isinstance(error, ConfigAttributeError | ConfigKeyError):
         if found := re.fullmatch(r"exports\.(\w+)", key):
             return f"{key} is there once it is chosen: add export=[{found.group(1)}]."
-        guess = near(key, known())
+        if task := task_of(key):
+            return f"{key} is a setting of task={task}: add task={task}."
+        if key in (known := known_settings(key)):
+            return f"{key} is no setting of what is chosen here."
+        guess = near(key, known)
         return f"Unknown setting {key!r}.{guess or ' python -m hopdiff --help lists the settings.'}"
     if found := re.search(r"Interpolation key '(.+?)' not found", text):
         return f"The setting {found.group(1)!r} is needed and missing."

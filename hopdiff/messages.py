@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 from hopdiff.types import HopdiffError
@@ -31,3 +32,8 @@ def choose(what: str, name: str, choices: Iterable[str]) -> str:
     if name not in (known := list(choices)):
         raise HopdiffError(unknown(what, name, known))
     return name
+
+
+def typed_names(overrides: Sequence[str]) -> list[str]:
+    """The dotted names of the settings in overrides such as "speed=3", "+experiment=brisk", "~search"."""
+    return [re.split("[=@:]", override.lstrip("+~"), maxsplit=1)[0] for override in overrides]

@@ -46,7 +46,7 @@ def run_metrics(problem: RunProblem, genes: Tensor) -> dict[str, float]:
         "energy_rate_raw": terms["energy_raw"],
         "energy_unit": problem.ordinary.energy_unit,
         "energy_target": costs.energy_target(problem.beta),
-        **{f"cost_{name}": terms[name] for name in ("energy_match", "leg_force", "style", "posture", "ordinary")},
+        **{f"cost_{term.name}": terms[term.name] for term in problem.terms if term.name != "eval"},
         "contact_time": float(trajectory.contact_time),
         "contact_time_left": left,
         "contact_time_right": right,

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
 from hopdiff import costs
 from hopdiff.character import Character
-from hopdiff.costs import Calibration, CostSettings
+from hopdiff.costs import Calibration, CostSettings, Judged
+from hopdiff.doors import TERMS
 from hopdiff.genes import GeneTable, froude_speed
 from hopdiff.models.base import Model
 from hopdiff.models.gait import Gait, stride_motion
 from hopdiff.models.trajectory import Trajectory
 from hopdiff.motion import Motion
 from hopdiff.numerics import gradient_of_each
+from hopdiff.objective import Term, with_brought
 from hopdiff.search.base import Eval
 from hopdiff.types import HopdiffError, Status, check_asked
 
@@ -24,7 +27,8 @@ class RunProblem:
     """One body, one speed, one briskness. Implements `hopdiff.search.base.Problem`.
 
     Raises HopdiffError if speed is not positive and finite, beta not in [0, 1), or the ordinary run of this body
-    at this speed is not possible (then nothing calibrates the energy unit).
+    at this speed is not possible (then nothing calibrates the energy unit). given: terms on top of those that the
+    settings weigh.
     """
 
     def __init__(
@@ -35,6 +39,7 @@ class RunProblem:
         settings: CostSettings,
         speed: float,
         beta: float,
+        given: Sequence[Term] = (),
     ) -> None:
         check_asked(speed, beta)
         if settings.gamma not in ("smooth", "ratio"):
@@ -47,6 +52,9 @@ class RunProblem:
         self.beta = float(beta)
         self.ordinary_genes = table.to_unit(table.ordinary)
         self.ordinary = self._measure_ordinary()
+        rows = costs.terms_of(settings, self.ordinary, self.ordinary_genes, table.free, self.beta)
+        brought = [TERMS.load(name) for name in settings.extra if name in TERMS.brought]
+        self.terms = with_brought(rows, brought, settings.extra, "hopper", given, vars(settings))
 
     @property
     def dimension(self) -> int:
@@ -88,6 +96,15 @@ class RunProblem:
         """Speed over the speed sqrt(g l) of the body."""
         return froude_speed(self.speed, self.character.leg_length)
 
+    @property
+    def shortest_stride(self) -> float:
+        """Duration of the shortest stride that the gene table allows [s]."""
+        low, high = (
+            self.table.decode(edge.unsqueeze(0)) for edge in (self.table.low * 0.0, self.table.low * 0.0 + 1.0)
+        )
+        way = 2.0 * float(low["leg_extension"] * torch.sin(low["touchdown_angle"])) * self.character.leg_length
+        return way / self.speed / float(high["duty_factor"])
+
     def trajectory(self, genes: Tensor) -> Trajectory:
         """One step of every candidate; genes (P, G) in the unit box."""
         speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
@@ -95,19 +112,12 @@ class RunProblem:
 
     def price(self, genes: Tensor, trajectory: Trajectory) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         """Merit (cost with the constraint penalty) (P,), its terms, and the status (P,)."""
-        s, beta = self.settings, self.beta
+        s = self.settings
         gamma = costs.connectivity(trajectory, s.gamma, s.gamma_guard)
         raw = costs.energy_rate_raw(trajectory, self.character)
         energy = raw / self.ordinary.energy_unit
-        terms = {
-            "eval": costs.evaluation(gamma, energy, beta),
-            "energy_match": s.energy_match * costs.energy_mismatch(energy, beta),
-            "leg_force": s.leg_force * (1.0 - beta) * costs.leg_effort(trajectory),
-            "style": s.style.weight * costs.style_mismatch(trajectory, self.ordinary, s.style, beta),
-            "posture": s.style.trunk_lean_weight
-            * costs.posture_mismatch(trajectory, math.radians(s.style.trunk_lean_deg)),
-            "ordinary": s.ordinary * ((genes - self.ordinary_genes) ** 2 * self.table.free).mean(-1),
-        }
+        judged = Judged(genes, trajectory, gamma, energy)
+        terms = {term.name: term.weight * term.value(judged) for term in self.terms}
         excess = costs.excesses(trajectory, self.character, s.limits)
         terms["penalty"] = costs.penalty(excess, s.limits)
         merit = torch.stack(list(terms.values())).sum(0)

@@ -16,10 +16,10 @@ class ProportionSettings:
     A part's mass goes with its length; the mass of the whole body stays what it is.
     """
 
-    legs: float = 1.0
-    arms: float = 1.0
-    trunk: float = 1.0
-    head: float = 1.0
+    legs: float
+    arms: float
+    trunk: float
+    head: float
 
 
 _PARTS = {

@@ -10,8 +10,11 @@ import torch
 from omegaconf import OmegaConf
 from torch import Tensor
 
-from hopdiff.character import Character
-from hopdiff.config import build_job, compose
+from hopdiff.character import Character, CharacterSettings
+from hopdiff.choices import build_costs
+from hopdiff.composing import compose
+from hopdiff.config import build_job
+from hopdiff.costs import CostSettings
 from hopdiff.problem import RunProblem
 
 
@@ -26,14 +29,27 @@ def make_problem(*overrides: str) -> RunProblem:
     return problem
 
 
+SCHEMAS = {"character": OmegaConf.structured(CharacterSettings)}
+
+
 @cache
 def _settings(group: str, name: str) -> Any:
-    return OmegaConf.to_container(compose([f"{group}={name}"])[group])
+    chosen = compose([f"{group}={name}"])[group]
+    # Characters leave out what has a value of its own.
+    return OmegaConf.to_container(OmegaConf.merge(SCHEMAS[group], chosen) if group in SCHEMAS else chosen)
 
 
 def settings_of(group: str, name: str) -> dict[str, Any]:
     """A fresh plain copy of one settings file."""
     return deepcopy(_settings(group, name))
+
+
+@cache
+def cost_settings(name: str = "default") -> CostSettings:
+    """The costs of one settings file of the smooth and the thesis model."""
+    costs = build_costs(settings_of("costs", name), "smooth")
+    assert isinstance(costs, CostSettings)
+    return costs
 
 
 @cache

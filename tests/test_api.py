@@ -8,7 +8,8 @@ import torch
 from hydra.core.global_hydra import GlobalHydra
 
 import hopdiff
-from hopdiff.config import compose, config_folder
+from hopdiff.composing import compose
+from hopdiff.doors import config_folder
 from hopdiff.io.bvh import read_bvh
 
 TINY = {"search": "random", "evaluations": 60, "model": "smooth"}

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from hopdiff.cli import main
-from hopdiff.config import compose, config_folder
+from hopdiff.composing import compose
+from hopdiff.doors import config_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 

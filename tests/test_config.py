@@ -9,9 +9,12 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
-from hopdiff.config import build_job, build_search, checked, compose, config_folder, known_settings, with_saved
+from hopdiff.choices import build_search
+from hopdiff.composing import compose, known_settings
+from hopdiff.config import build_job, checked, with_saved
+from hopdiff.doors import config_folder
+from hopdiff.job import search_run
 from hopdiff.search import SEARCHES
-from hopdiff.tasks.job import search_run
 from hopdiff.types import HopdiffError
 
 CONF = config_folder()

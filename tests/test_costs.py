@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from hopdiff import costs
-from hopdiff.costs import Calibration, LimitSettings, StyleSettings
+from hopdiff.costs import Calibration
 from hopdiff.models.thesis import ThesisModel
 from hopdiff.models.trajectory import JOINT_CHANNELS, Trajectory
 from hopdiff.numerics import GRAVITY, chebyshev_nodes
 from hopdiff.problem import RunProblem
 from hopdiff.types import Status
-from tests.builders import make_character, make_problem, valid_genes
+from tests.builders import cost_settings, make_character, make_problem, valid_genes
 
 
 def column(*values: float) -> Tensor:
@@ -191,20 +191,20 @@ def test_bounce_is_the_travel_of_the_centre_of_mass() -> None:
 
 def test_the_ordinary_run_has_its_own_style() -> None:
     usual: Calibration = problem().ordinary
-    assert float(costs.style_mismatch(ordinary(), usual, StyleSettings(), 0.2)) == pytest.approx(0.0, abs=1e-12)
+    assert float(costs.style_mismatch(ordinary(), usual, cost_settings().style, 0.2)) == pytest.approx(0.0, abs=1e-12)
     slower = ordinary()._replace(contact_time=ordinary().contact_time * math.e)
-    assert float(costs.style_mismatch(slower, usual, StyleSettings(), 0.2)) >= 1.0
+    assert float(costs.style_mismatch(slower, usual, cost_settings().style, 0.2)) >= 1.0
 
 
 def test_style_follows_the_energy_target_by_its_power_law() -> None:
-    style = StyleSettings()
+    style = cost_settings().style
     growth = math.log(costs.energy_target(0.7) / 0.25)
     exponents = (style.contact_time, style.flight_time, style.bounce, style.arm_swing)
     wanted = sum((e * growth) ** 2 for e in exponents)
     assert float(costs.style_mismatch(ordinary(), problem().ordinary, style, 0.7)) == pytest.approx(wanted, rel=1e-9)
 
 
-LIMITS = LimitSettings()
+LIMITS = cost_settings().limits
 ARMS = column(*("shoulder" in name for name, _, _ in JOINT_CHANNELS))
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from hopdiff.cli import main
-from hopdiff.config import compose, config_folder
+from hopdiff.composing import compose
+from hopdiff.doors import config_folder
 
 MISTAKES = {
     "sped=3": "Unknown setting 'sped'. Did you mean 'speed'?",

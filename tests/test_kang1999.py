@@ -8,8 +8,10 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
-from hopdiff.config import build_job, compose, config_folder
-from hopdiff.tasks.job import Run, search_run
+from hopdiff.composing import compose
+from hopdiff.config import build_job
+from hopdiff.doors import config_folder
+from hopdiff.job import Run, search_run
 
 FOLDER = config_folder() / "experiment" / "kang1999"
 # Figure: speed, beta, search, and whether all gains are 5.

@@ -8,7 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from hopdiff.config import build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import build_job
 from hopdiff.problem import RunProblem
 from hopdiff.types import HopdiffError, Status
 

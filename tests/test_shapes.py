@@ -7,7 +7,8 @@ from beartype import beartype
 from jaxtyping import Bool, Float, Int, TypeCheckError, jaxtyped
 from torch import Tensor
 
-from hopdiff.config import DTYPES, build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import DTYPES, build_job
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import euler_to_matrix, matrix_to_euler
 from hopdiff.geometry.skeleton import Skeleton

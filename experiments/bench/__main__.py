@@ -15,9 +15,10 @@ import torch
 from experiments.bench.measure import measure
 from experiments.bench.playback import play
 from experiments.report import integers, markdown
-from hopdiff.config import build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import build_job
 from hopdiff.io.files import write_whole
-from hopdiff.tasks.job import search_run
+from hopdiff.job import search_run
 
 HERE = Path(__file__).parent
 FPS = 60.0  # of a played run

@@ -8,7 +8,8 @@ import time
 
 import torch
 
-from hopdiff.config import build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import build_job
 
 MEGABYTE = 1024.0  # ru_maxrss counts kilobytes on Linux
 

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from hopdiff.config import build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import build_job
 from hopdiff.models.gait import Gait
 from hopdiff.problem import RunProblem
 

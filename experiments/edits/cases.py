@@ -10,13 +10,14 @@ from pathlib import Path
 
 import torch
 
-from hopdiff.config import build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import build_job
 from hopdiff.editing.loop import repeated
 from hopdiff.editing.root_path import RootPath
 from hopdiff.editing.targets import Constraint
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import read_bvh
-from hopdiff.tasks.job import search_run
+from hopdiff.job import search_run
 
 TURNS = (-90, -45, 0, 45, 90, 135, 180)  # degrees to the left
 SHIFTS = ((0.0, 0.0), (0.3, 0.0), (0.0, 0.1))  # to the left and ahead, in shares of the net way

@@ -8,12 +8,15 @@ from pathlib import Path
 
 import yaml
 
-from hopdiff.config import build_job, build_route, compose, config_folder
+from hopdiff.composing import compose
+from hopdiff.config import build_job
+from hopdiff.doors import config_folder
 from hopdiff.export.settings import ExportSettings
 from hopdiff.export.take import Take
 from hopdiff.io.bvh import read_bvh
-from hopdiff.tasks.job import find, search_run
+from hopdiff.job import find, search_run
 from hopdiff.tasks.path import path_run as along
+from hopdiff.tasks.path import route_of
 
 CAPTURED = ("run_cmu_16_35", "run_turn_left90_cmu_16_42")  # of a folder of captured clips, those that run
 BVH_OPTIONS = {"y": ("-Z", "Y"), "z": ("Y", "Z")}  # up of a file -> what Blender's importer calls forward and up
@@ -45,7 +48,7 @@ def own_runs(evaluations: int, path: bool = True) -> dict[str, Take]:
 def path_run(evaluations: int) -> Take:
     """The run of +experiment=path model=smooth."""
     config = compose(["+experiment=path", "model=smooth", f"budget.evaluations={evaluations}"])
-    route = build_route(config)
+    route = route_of(config)
     config.speed = route.speed
     job = build_job(config)
     return replace(along(job, route, find(job)).take(), name="path")

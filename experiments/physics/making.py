@@ -9,7 +9,7 @@ from typing import Any
 from omegaconf import OmegaConf
 
 import hopdiff
-from hopdiff.config import compose
+from hopdiff.composing import compose
 from hopdiff.export.tables import write_npz
 
 FRAME_RATE = 960.0  # frames/s

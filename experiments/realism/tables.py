@@ -16,7 +16,7 @@ from experiments.realism.measure import CURVES, Row
 from experiments.realism.people import POINTS, SPEEDS, commented, curve, fit
 from experiments.realism.runs import CAPTURED, Entry, by_costs
 from experiments.report import markdown
-from hopdiff.config import config_folder
+from hopdiff.doors import config_folder
 from hopdiff.io.files import write_whole
 
 ORDINARY = 0.2  # beta of an ordinary run, at which runs are held against people

@@ -13,7 +13,8 @@ import torch
 from torch import Tensor
 
 from experiments.report import read_table
-from hopdiff.config import build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import build_job
 from hopdiff.io.record import write_table
 from hopdiff.problem import RunProblem
 from hopdiff.search.loop import Budget, HistoryRow, SearchResult, run_search

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
 from hopdiff.character import Character
+from hopdiff.doors import TERMS
 from hopdiff.effort.limits import Excess, excesses, penalty, status_of
 from hopdiff.effort.priced import Priced
 from hopdiff.effort.settings import EffortSettings
@@ -16,6 +18,7 @@ from hopdiff.effort.terms import ORDINARY_BETA, Asked, Muscles, energy_rate, ene
 from hopdiff.genes import GeneTable, at_froude, froude_speed
 from hopdiff.motion import Motion
 from hopdiff.numerics import GRAVITY, gradient_of_each
+from hopdiff.objective import Term, with_brought
 from hopdiff.search.base import Eval
 from hopdiff.search.gradient import Gradient
 from hopdiff.search.loop import Budget, run_search
@@ -46,7 +49,7 @@ class BodyProblem:
     """One body, one speed, one briskness. Implements `hopdiff.search.base.Problem`.
 
     Raises HopdiffError if speed is not positive and finite, beta not in [0, 1), a setting of the costs makes no sense,
-    or no run of least cost is found.
+    or no run of least cost is found. given: terms on top of those that the settings weigh.
     """
 
     starts = 3  # descents side by side that a search should begin with
@@ -60,9 +63,11 @@ class BodyProblem:
         settings: EffortSettings,
         speed: float,
         beta: float,
+        given: Sequence[Term] = (),
     ) -> None:
         check_asked(speed, beta)
         _check(settings)
+        self.given = tuple(given)
         self.character, self.table, self.model, self.settings = character, table, model, settings
         self.speed, self.beta = float(speed), float(beta)
         self.muscles = Muscles.of(settings, character.leg_length, table.low)
@@ -79,7 +84,10 @@ class BodyProblem:
         asked = Asked(energy_ratio(beta, settings.scale), None, None)
         if self.least is not None:
             asked = asked._replace(external_work=self.least.external_work, contact_time=self.least.contact_time)
-        self.terms = terms_of(settings, self.muscles, self.pace, asked, self.swing_knee)
+        rows = terms_of(settings, self.muscles, self.pace, asked, self.swing_knee)
+        brought = [TERMS.load(name) for name in settings.extra if name in TERMS.brought]
+        rows = with_brought(rows, brought, settings.extra, "body", given, vars(settings))
+        self.terms = [row for row in rows if row.weight != 0.0]
 
     @property
     def dimension(self) -> int:
@@ -98,6 +106,11 @@ class BodyProblem:
         """Speed over the speed sqrt(g l) of the body."""
         return froude_speed(self.speed, self.character.leg_length)
 
+    @property
+    def shortest_stride(self) -> float:
+        """Duration of the shortest stride that the gene table allows [s]."""
+        return 2.0 * float(self.table.decode(torch.zeros_like(self.table.low))["step_time"])
+
     def _least(self) -> Least:
         """The run of least cost: given by the settings, or searched for, the same way whatever the user's search is."""
         given = self.settings.least
@@ -110,11 +123,12 @@ class BodyProblem:
             *(tensor.detach().cpu().double().numpy().tobytes() for tensor in tensors),
             self.speed,
             repr(self.settings),
+            self.given,
             (self.model.plan, self.model.rounds, self.model.adjoint_rounds, self.model.lame, self.model.amount),
             (str(self.dtype), str(self.device), torch.get_num_threads()),
         )
         if key not in _found:
-            plain = BodyProblem(self.character, table, self.model, self.settings, self.speed, ORDINARY_BETA)
+            plain = BodyProblem(self.character, table, self.model, self.settings, self.speed, ORDINARY_BETA, self.given)
             search = Gradient(starts=self.starts, screen=self.screen, tolerance=2e-5, patience=8)
             try:
                 result = run_search(plain, search, Budget(LEAST_BUDGET), torch.Generator().manual_seed(0))

@@ -1,7 +1,10 @@
 # No `from __future__ import annotations`: Hydra reads the types of the settings classes.
-"""What a whole-body run is judged by: weights and limits, all of them numbers without units unless a name tells one."""
+"""What a whole-body run is judged by: weights and limits, all of them numbers without units unless a name tells one.
 
-from dataclasses import dataclass, field
+Their defaults stand in conf/costs/.
+"""
+
+from dataclasses import dataclass
 from typing import Any
 
 
@@ -11,8 +14,8 @@ class LeastSettings:
     way, and its contact time [s]. Where they are null that run is searched for first.
     """
 
-    external_work: float | None = None
-    contact_time: float | None = None
+    external_work: float | None
+    contact_time: float | None
 
 
 @dataclass
@@ -25,17 +28,17 @@ class HumanSettings:
     arm_growth. swing_knee_deg: largest flexion in the air, a number or a table over the Froude speed.
     """
 
-    trunk_lean_deg: float = 10.0
-    trunk_lean: float = 0.0
-    pelvis_drop_deg: float = 4.5
-    pelvis_drop: float = 0.0
-    pelvis_yaw_deg: float = 4.0
-    pelvis_yaw: float = 0.0
-    arm_swing_deg: float = 16.0
-    arm_growth: float = 2.0
-    arm_swing: float = 0.0
-    swing_knee_deg: Any = 105.0
-    swing_knee: float = 0.0
+    trunk_lean_deg: float
+    trunk_lean: float
+    pelvis_drop_deg: float
+    pelvis_drop: float
+    pelvis_yaw_deg: float
+    pelvis_yaw: float
+    arm_swing_deg: float
+    arm_growth: float
+    arm_swing: float
+    swing_knee_deg: Any
+    swing_knee: float
 
 
 @dataclass
@@ -45,16 +48,16 @@ class BodyLimits:
     low and high.
     """
 
-    friction: float = 0.54
-    clearance: float = 0.065
-    apart: float = 0.054
-    flight_time: float = 0.16
-    reach: float = 0.997
-    knee_deg: list[float] = field(default_factory=lambda: [4.0, 145.0])
-    ankle_deg: list[float] = field(default_factory=lambda: [-30.0, 32.0])
-    hip_deg: list[float] = field(default_factory=lambda: [-28.0, 120.0])
-    elbow_deg: list[float] = field(default_factory=lambda: [5.0, 145.0])
-    weight: float = 1.5
+    friction: float
+    clearance: float
+    apart: float
+    flight_time: float
+    reach: float
+    knee_deg: list[float]
+    ankle_deg: list[float]
+    hip_deg: list[float]
+    elbow_deg: list[float]
+    weight: float
 
 
 @dataclass
@@ -67,24 +70,26 @@ class EffortSettings:
     turn and sideways, in m g l; a pair where the two directions differ, null where an axis is passive. tendon:
     stiffness in m g l per rad. ankle_stiffness, ankle_rest_deg: what ligaments and resting muscles hold the foot with
     [m g l per rad], and where (toes up positive).
+    extra: weights of terms that have no setting of their own.
     energy: of the squared relative distance from the energy target. contact_cap: of contacts longer than those of the
     least run, as squares of a tenth. scale: exponent with which the energy grows with the thesis' target.
     """
 
-    name: str = "effort"
-    positive_work: float = 4.0
-    negative_work: float = 0.8333
-    torque: float = 0.07
-    torque_rate: float = 0.0018
-    transfer: float = 1.0
-    steady: float = 0.03
-    energy: float = 400.0
-    contact_cap: float = 1.2
-    scale: float = 0.15
-    least: LeastSettings = field(default_factory=LeastSettings)
-    human: HumanSettings = field(default_factory=HumanSettings)
-    limits: BodyLimits = field(default_factory=BodyLimits)
-    strength: dict[str, list[Any]] = field(default_factory=dict)
-    tendon: dict[str, float] = field(default_factory=dict)
-    ankle_stiffness: float = 0.03
-    ankle_rest_deg: float = -12.0
+    name: str
+    positive_work: float
+    negative_work: float
+    torque: float
+    torque_rate: float
+    transfer: float
+    steady: float
+    energy: float
+    contact_cap: float
+    scale: float
+    least: LeastSettings
+    human: HumanSettings
+    limits: BodyLimits
+    strength: dict[str, list[Any]]
+    tendon: dict[str, float]
+    ankle_stiffness: float
+    ankle_rest_deg: float
+    extra: dict[str, float]

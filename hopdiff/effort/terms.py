@@ -7,8 +7,6 @@ muscles pay for positive work four times, for negative work less than once (Marg
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import torch
@@ -17,6 +15,7 @@ from torch import Tensor
 from hopdiff.effort.priced import Priced, softly_positive
 from hopdiff.effort.settings import EffortSettings
 from hopdiff.numerics import GRAVITY
+from hopdiff.objective import Term
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.dynamics import ANKLES
 from hopdiff.whole_body.layout import SEGMENTS
@@ -122,16 +121,6 @@ def energy_rate(ratio: Tensor, scale: float) -> Tensor:
     return ORDINARY_TARGET * ratio ** (1.0 / scale)
 
 
-@dataclass(frozen=True)
-class Term:
-    """One row of the cost: what it adds for P candidates is weight * value(run)."""
-
-    name: str
-    weight: float
-    value: Callable[[Priced], Tensor]
-    put_in: str  # "effort", "energy" or "human": what kind of thing it puts in
-
-
 class Pull(NamedTuple):
     """What muscles do at the joints. torque, torque_rate: (P, S - 1, 3, M), of `Dynamics` less what holds passively."""
 
@@ -203,7 +192,10 @@ def _seen_by_limbs(run: Priced, angle: Tensor) -> list[Tensor]:
 
 
 def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Asked, swing_knee: float) -> list[Term]:
-    """The rows of the cost. pace: sqrt(l / g) [s]. swing_knee: wished for at this speed [rad]."""
+    """The rows of the cost. pace: sqrt(l / g) [s]. swing_knee: wished for at this speed [rad].
+
+    A new term is one more row here; its weight may be `settings.extra.get(NAME, DEFAULT)`, which costs.NAME sets.
+    """
 
     def power(run: Priced) -> Tensor:
         return muscle_power(run, muscle_pull(run, settings), muscles, settings.transfer)
@@ -255,4 +247,4 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
     if asked.external_work is not None:
         rows.append(Term("energy_match", settings.energy, missed, "energy"))
         rows.append(Term("contact_cap", settings.contact_cap, over, "energy"))
-    return [row for row in rows if row.weight != 0.0]
+    return rows

@@ -5,13 +5,14 @@ import math
 import re
 from dataclasses import dataclass
 
+from hopdiff.doors import FORMATS
 from hopdiff.export.anatomy import GROUND_ROOT, SCHEMES
+from hopdiff.export.format import Format
 from hopdiff.export.pose import ARMS
 from hopdiff.io.bvh import EULER_ORDERS
 from hopdiff.messages import choose
 from hopdiff.types import HopdiffError
 
-KINDS = {"glb": ".glb", "bvh": ".bvh", "csv": ".csv", "npz": ".npz", "html": ".html", "fbx": ".fbx"}
 UNITS = {"m": 1.0, "cm": 100.0}  # file units in a metre
 MAX_FPS = 1000.0
 MAX_CYCLES = 10_000
@@ -27,7 +28,8 @@ JOINTS, FRAMES, ROOTS, TOGETHER = (
 class ExportSettings:
     """One file format with everything that can be chosen of it; presets are in conf/export/.
 
-    kind: glb, bvh, csv, npz, html or fbx. file: name of the file, with the ending of its kind.
+    kind: a module of `hopdiff.export.formats`, or what an installed package brings. file: name of the file, with the
+    ending of its kind.
     joints: of a run of hopdiff's own: full (22: spine, collars, wrists, head, ankles, toes) or model (its own eleven).
     names: of the joints: hopdiff, mixamo or unreal_mannequin; null leaves them. rest: the pose without rotations: t, a
     or straight (arms hang); null leaves it. unit, up: of BVH files: m or cm; y or z. order: their Euler order.
@@ -40,7 +42,7 @@ class ExportSettings:
     Blender or a Python with bpy; null: what HOPDIFF_BLENDER names, or blender.
     """
 
-    kind: str = "glb"
+    kind: str = ""
     file: str | None = None
     joints: str = "full"
     names: str | None = None
@@ -60,7 +62,9 @@ class ExportSettings:
     def check(self, name: str) -> None:
         """Raises HopdiffError, naming the setting of exports.NAME, for a value that cannot be."""
         where = f"exports.{name}"
-        choose(f"{where}.kind", self.kind, KINDS)
+        if not self.kind:
+            raise HopdiffError(f"{where} is there once it is chosen: add export=[{name}].")
+        choose(f"{where}.kind", self.kind, FORMATS.names())
         for entry, choices in (
             ("joints", JOINTS),
             ("unit", UNITS),
@@ -81,14 +85,33 @@ class ExportSettings:
             raise HopdiffError(f"{where}.cycles must lie between 1 and {MAX_CYCLES}, not {self.cycles}.")
         if self.file is not None and not re.fullmatch(r"[^/\\:*?\"<>|\x00-\x1f]+", self.file):
             raise HopdiffError(f"{where}.file must be the name of a file without its folder, not {self.file!r}.")
+        if (check := self.format.check) is not None:
+            check(self)
 
     def file_name(self, name: str) -> str:
         """The name of the file of exports.NAME."""
-        ending = KINDS[self.kind]
+        ending = self.format.suffix
         given = self.file or f"motion_{name}"
         return given if given.lower().endswith(ending) else given + ending
+
+    @property
+    def format(self) -> Format:
+        """How files of this kind are written."""
+        found: Format = FORMATS.load(self.kind)
+        return found
 
     @property
     def ground_name(self) -> str:
         """What the root joint on the ground is called."""
         return GROUND_ROOT.get(self.names or "", "root")
+
+
+@dataclass
+class RetargetSettings:
+    """Another body for exported motions. skeleton: a BVH or GLB file with it; null keeps the motion's own.
+
+    names: how its joints are called: auto, hopdiff, mixamo, unreal_mannequin, or a YAML file with part: joint.
+    """
+
+    skeleton: str | None
+    names: str

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hopdiff.export.fbx import write_fbx
-from hopdiff.export.glb import glb_bytes, write_glb
-from hopdiff.export.player import write_player
 from hopdiff.export.prepare import prepared
-from hopdiff.export.settings import UNITS, ExportSettings
-from hopdiff.export.tables import write_csv, write_npz
+from hopdiff.export.settings import ExportSettings
 from hopdiff.export.take import Take
-from hopdiff.io.bvh import write_bvh
 from hopdiff.types import HopdiffError
 
 TOLD_BY = {"search": "", "model": "", "character": "", "genes": "", "seed": "seed"}  # numbers that differ in sweeps
-TOGETHER = ("glb", "fbx", "html")  # kinds whose files hold several motions
 
 
 def write_exports(
@@ -39,14 +33,14 @@ def write_exports(
             except HopdiffError as error:
                 raise HopdiffError(f"exports.{name}: {error}") from error
         whole = folder / settings.file_name(name)
-        if settings.kind in TOGETHER or len(takes) == 1:
+        if settings.format.together or len(takes) == 1:
             jobs.append((name, whole, ready, settings))
         else:
             jobs += [(name, whole.with_stem(f"{whole.stem}_{plain(take.name)}"), [take], settings) for take in ready]
     different([path.name for _, path, _, _ in jobs])
     for name, path, ready, settings in jobs:
         try:
-            _WRITERS[settings.kind](path, ready, settings)
+            settings.format.write(path, ready, settings)
         except HopdiffError as error:
             raise HopdiffError(f"exports.{name}: {error}") from error
     return [(path, ready[0]) for _, path, ready, _ in jobs]
@@ -77,17 +71,3 @@ def distinct(takes: Sequence[Take]) -> list[Take]:
 def plain(name: str) -> str:
     """A name as a part of a file's name."""
     return re.sub(r"[^\w.+-]+", "_", name).strip("_.") or "motion"
-
-
-def _bvh(path: Path, takes: Sequence[Take], settings: ExportSettings) -> None:
-    write_bvh(path, takes[0].clip, settings.order, UNITS[settings.unit], settings.up)
-
-
-_WRITERS: Mapping[str, Callable[[Path, Sequence[Take], ExportSettings], None]] = {
-    "glb": lambda path, takes, _: write_glb(path, takes),
-    "bvh": _bvh,
-    "csv": lambda path, takes, _: write_csv(path, takes[0]),
-    "npz": lambda path, takes, _: write_npz(path, takes[0]),
-    "html": lambda path, takes, settings: write_player(path, takes, settings.together),
-    "fbx": lambda path, takes, settings: write_fbx(path, glb_bytes(takes), settings.blender),
-}

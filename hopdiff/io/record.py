@@ -15,8 +15,6 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from hopdiff import __version__
 from hopdiff.io.files import write_whole
 from hopdiff.types import HopdiffError
@@ -64,15 +62,16 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
     write_whole(path, json.dumps(finite(content), indent=2, allow_nan=False) + "\n")
 
 
-def versions(command: Sequence[str]) -> dict[str, Any]:
-    """What a run was made with, as far as it bears on repeating it. command: the overrides typed by the user."""
+def versions(command: Sequence[str], threads: int | None = None) -> dict[str, Any]:
+    """What a run was made with, as far as it bears on repeating it. command: the overrides typed by the user.
+    threads: of PyTorch."""
     return {
         "command": list(command),
         "hopdiff": __version__,
         "python": platform.python_version(),
         "platform": platform.platform(),
         "machine": platform.machine(),
-        "threads": torch.get_num_threads(),
+        "threads": threads,
         "executable": Path(sys.executable).name,
         **{name: _version(name) for name in LIBRARIES},
     }

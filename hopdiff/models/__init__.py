@@ -1,41 +1,75 @@
-"""Motion models by name."""
+# No `from __future__ import annotations`: OmegaConf reads the types of the settings classes.
+"""Motion models by name, each with its settings; their defaults stand in conf/model/."""
 
-from __future__ import annotations
+from dataclasses import dataclass, fields
 
 from hopdiff.character import Character
-from hopdiff.models.base import Model, ModelSettings
+from hopdiff.models.base import Model
 from hopdiff.models.limp import LimpSettings
 from hopdiff.models.smooth import SmoothModel
 from hopdiff.models.thesis import ThesisModel
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.model import BodyModel
 
-MODELS = ("body", "smooth", "thesis")
+AnyModel = Model | BodyModel
 
 
-def build_model(settings: ModelSettings, character: Character, limp: LimpSettings | None = None) -> Model | BodyModel:
-    """Raises HopdiffError, naming the setting, for an unknown model or a number out of range."""
-    if settings.name not in MODELS:
-        raise HopdiffError(f"model.name must be one of {', '.join(MODELS)}, not {settings.name!r}.")
-    if not 4 <= settings.rounds <= 100:
-        raise HopdiffError(f"model.rounds must lie between 4 and 100, not {settings.rounds}.")
-    if not 1 <= settings.adjoint_rounds <= 100:
-        raise HopdiffError(f"model.adjoint_rounds must lie between 1 and 100, not {settings.adjoint_rounds}.")
-    if not 4 <= settings.nodes <= 64:
-        raise HopdiffError(f"model.nodes must lie between 4 and 64, not {settings.nodes}.")
-    if not 1 <= settings.sweeps <= 100:
-        raise HopdiffError(f"model.sweeps must lie between 1 and 100, not {settings.sweeps}.")
-    if not 1e-4 <= settings.step <= 0.02:
-        raise HopdiffError(f"model.step must lie between 0.0001 and 0.02 s, not {settings.step:g}.")
-    if not 0 <= settings.strides <= 1000:
-        raise HopdiffError(f"model.strides must lie between 0 and 1000, not {settings.strides}.")
-    if limp is not None:
-        limp.check()
-        limp = limp if limp.amount > 0 else None
-    if settings.name == "body":
+@dataclass
+class BodySettings:
+    """rounds, adjoint_rounds: of the whole-body model's solution and of its gradient."""
+
+    name: str
+    rounds: int
+    adjoint_rounds: int
+
+    def build(self, character: Character, limp: LimpSettings | None) -> BodyModel:
+        """Raises HopdiffError, naming the setting, for a number out of range."""
+        _within(self, rounds=(4, 100), adjoint_rounds=(1, 100))
         if limp is not None:
-            return BodyModel.limping(character, settings.rounds, settings.adjoint_rounds, limp.leg, limp.amount)
-        return BodyModel(character, settings.rounds, settings.adjoint_rounds)
-    if settings.name == "thesis":
-        return ThesisModel(character, settings.step, settings.strides, limp)
-    return SmoothModel(character, settings.nodes, settings.sweeps, limp)
+            return BodyModel.limping(character, self.rounds, self.adjoint_rounds, limp.leg, limp.amount)
+        return BodyModel(character, self.rounds, self.adjoint_rounds)
+
+
+@dataclass
+class SmoothSettings:
+    """nodes: Chebyshev nodes per phase. sweeps: corrections of the balance with the true body."""
+
+    name: str
+    nodes: int
+    sweeps: int
+
+    def build(self, character: Character, limp: LimpSettings | None) -> SmoothModel:
+        """Raises HopdiffError, naming the setting, for a number out of range."""
+        _within(self, nodes=(4, 64), sweeps=(1, 100))
+        return SmoothModel(character, self.nodes, self.sweeps, limp)
+
+
+@dataclass
+class ThesisSettings:
+    """step: frame interval h of the stepping equations [s]. strides: run before the one that is kept."""
+
+    name: str
+    step: float
+    strides: int
+
+    def build(self, character: Character, limp: LimpSettings | None) -> ThesisModel:
+        """Raises HopdiffError, naming the setting, for a number out of range."""
+        _within(self, step=(1e-4, 0.02), strides=(0, 1000))
+        return ThesisModel(character, self.step, self.strides, limp)
+
+
+ModelSettings = BodySettings | SmoothSettings | ThesisSettings
+MODELS: dict[str, type] = {"body": BodySettings, "smooth": SmoothSettings, "thesis": ThesisSettings}
+
+
+def _within(settings: ModelSettings, **ranges: tuple[float, float]) -> None:
+    """Raises HopdiffError, naming the setting, for a number out of its range."""
+    units = {"step": " s"}
+    for entry in fields(settings):
+        if entry.name in ranges:
+            value, (low, high) = getattr(settings, entry.name), ranges[entry.name]
+            if not low <= value <= high:
+                unit = units.get(entry.name, "")
+                raise HopdiffError(
+                    f"model.{entry.name} must lie between {low:g} and {high:g}{unit}, not {value:g}{unit}."
+                )

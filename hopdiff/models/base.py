@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import torch
@@ -12,24 +11,6 @@ from hopdiff.character import Character
 from hopdiff.models.gait import Gait
 from hopdiff.models.trajectory import Trajectory
 from hopdiff.physics.hopper import Cycle, solve_cycle
-
-
-@dataclass
-class ModelSettings:
-    """name: "body", "smooth" or "thesis". rounds, adjoint_rounds: of the whole-body model's solution and of its
-    gradient. nodes, sweeps: of the smooth model. step, strides: of the thesis model.
-
-    nodes: Chebyshev nodes per phase. sweeps: corrections of the balance with the true body.
-    step: frame interval h of the stepping equations [s]. strides: how many are run before the one that is kept.
-    """
-
-    name: str = "body"
-    rounds: int = 11
-    adjoint_rounds: int = 8
-    nodes: int = 28
-    sweeps: int = 2
-    step: float = 0.005
-    strides: int = 8
 
 
 class Model(Protocol):

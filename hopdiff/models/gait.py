@@ -12,6 +12,7 @@ from hopdiff.geometry.clip import Clip
 from hopdiff.motion import SIDES, Motion, Phase
 from hopdiff.types import HopdiffError
 
+LEAST_FRAMES = 4  # of a stride
 SLACK = 1e-9  # s; frame times carry rounding, and touchdown and take-off frames belong to the stance
 
 
@@ -58,8 +59,9 @@ def stride_time(gait: Gait) -> Tensor:
 def stride_frames(duration: float, fps: float) -> int:
     """Number of frame intervals of a stride that comes nearest to `fps`; raises HopdiffError if there is none."""
     intervals = round(duration * fps)
-    if intervals < 4:
-        raise HopdiffError(f"fps={fps:g} is too low for a stride of {duration:.3f} s: at least {4 / duration:.0f}.")
+    if intervals < LEAST_FRAMES:
+        least = LEAST_FRAMES / duration
+        raise HopdiffError(f"fps={fps:g} is too low for a stride of {duration:.3f} s: at least {least:.0f}.")
     return intervals
 
 

@@ -90,3 +90,6 @@ def ranked_values(cost: Tensor, merit: Tensor) -> Tensor:
     value = value.clone()
     value[invalid] = worst + step * torch.arange(1, len(invalid) + 1, dtype=value.dtype, device=value.device)
     return value
+
+
+SEARCH = CMAES

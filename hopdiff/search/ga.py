@@ -103,3 +103,6 @@ class GA:
         chance = torch.linspace(self.pressure, 2.0 - self.pressure, n, dtype=torch.float64, device=generator.device)
         chosen = torch.multinomial(chance, count, replacement=True, generator=generator)
         return parents.genes[chosen.to(parents.genes.device)]
+
+
+SEARCH = GA

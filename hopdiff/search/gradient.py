@@ -101,3 +101,6 @@ class Gradient:
         if self.method == "adam":
             return Adam.begin(x, self.rate, self.steps)
         return Bfgs.begin(x, self.reach, self.tolerance, self.patience)
+
+
+SEARCH = Gradient

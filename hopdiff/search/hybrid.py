@@ -183,3 +183,6 @@ def spread(genes: Tensor, taboo: Tensor, count: int, apart: float) -> Tensor:
         open_ &= torch.cdist(genes, genes[chosen[-1:]])[:, 0] >= least
         open_[chosen[-1]] = False
     return torch.tensor(chosen, dtype=torch.int64, device=genes.device)
+
+
+SEARCH = Hybrid

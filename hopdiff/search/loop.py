@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
 from typing import NamedTuple
@@ -43,8 +43,8 @@ class Budget:
 
 class HistoryRow(NamedTuple):
     """One step of the loop. Counts and `seconds` run from the start of the search; best, gamma and energy are those
-    of the best candidate so far (inf and nan while there is none); median (of the finite costs, nan if there are none)
-    and invalid (a share) are this step's own."""
+    of the best candidate so far (inf and nan while there is none), as is terms, the named parts of its cost; median (of
+    the finite costs, nan if there are none) and invalid (a share) are this step's own."""
 
     step: int
     evaluations: int
@@ -56,6 +56,12 @@ class HistoryRow(NamedTuple):
     gamma: float
     energy: float
     invalid: float
+    terms: Mapping[str, float] = {}
+
+    def flat(self) -> dict[str, float]:
+        """The row as one table, a term of the cost named cost_NAME."""
+        row = {name: value for name, value in self._asdict().items() if name != "terms"}
+        return row | {f"cost_{name}": value for name, value in self.terms.items() if name not in row}
 
 
 @dataclass(frozen=True)
@@ -194,6 +200,7 @@ class _Ledger:
             gamma=self.best_terms.get("gamma", math.nan),
             energy=self.best_terms.get("energy", math.nan),
             invalid=1.0 - len(valid) / len(cost),
+            terms=self.best_terms,
         )
         self.history.append(row)
         return row

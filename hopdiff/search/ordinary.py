@@ -29,3 +29,6 @@ class Ordinary:
 
     def tell(self, state: Tensor, genes: Tensor, result: Eval, generator: torch.Generator) -> Tensor:
         return state[:0]
+
+
+SEARCH = Ordinary

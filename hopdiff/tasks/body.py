@@ -10,29 +10,31 @@ from typing import Any
 import torch
 
 from hopdiff.character import Character
-from hopdiff.io.record import prepare_folder, write_json, write_table
+from hopdiff.config import build_character
+from hopdiff.io.record import write_json, write_table
+from hopdiff.io.run_folder import RunFolder
 from hopdiff.numerics import GRAVITY
 from hopdiff.plots.figure import character_figure
 from hopdiff.plots.save import save_figure
-from hopdiff.tasks.results import shown, write_record
+from hopdiff.tasks.base import Call, Task, Work
+from hopdiff.tasks.results import shown
 
 COLUMNS = ("joint", "parent", "length", "mass", "com_x", "com_y", "com_z", "inertia_x", "inertia_y", "inertia_z")
 
 
-def body(character: Character, settings: Mapping[str, Any], folder: Path, command: list[str]) -> None:
-    """Draw and list a body. settings: the whole configuration as plain data.
+def build(call: Call) -> Work:
+    """Build the body. Raises HopdiffError, naming the setting."""
+    character = build_character(call.config)
 
-    Raises HopdiffError if the folder cannot be written.
-    """
-    prepare_folder(folder)
-    measures = body_measures(character)
-    rows = joint_rows(character)
-    write_table(folder / "body.csv", COLUMNS, rows)
-    write_json(folder / "metrics.json", {"character": character.name, **measures})
-    write_record(folder, settings, command)
-    if settings["pictures"]:
-        save_figure(character_figure(character), folder / "body.png")
-    print(summary(character, measures, rows, folder), flush=True)
+    def work(folder: RunFolder) -> None:
+        measures, rows = body_measures(character), joint_rows(character)
+        write_table(folder.path / "body.csv", COLUMNS, rows)
+        write_json(folder.path / "metrics.json", {"character": character.name, **measures})
+        if call.settings.pictures:
+            save_figure(character_figure(character), folder.path / "body.png")
+        print(summary(character, measures, rows, folder.path), flush=True)
+
+    return work
 
 
 def body_measures(character: Character) -> dict[str, float]:
@@ -83,3 +85,6 @@ def summary(character: Character, measures: Mapping[str, float], rows: list[list
     ]
     lines += [f"{name:<15}{parent or '-':<15}{length:>9.3f}{mass:>9.2f}" for name, parent, length, mass, *_ in rows]
     return "\n".join([*lines, f"files          {shown(folder)}"])
+
+
+TASK = Task(build)

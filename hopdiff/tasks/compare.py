@@ -1,9 +1,9 @@
+# No `from __future__ import annotations`: OmegaConf reads the types of the settings classes.
 """task=compare: lay the runs below a folder over each other."""
-
-from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from hopdiff.io.record import prepare_folder, write_table
 from hopdiff.plots.compare import RunRecord, compare_figures, read_run
 from hopdiff.plots.save import save_figure
 from hopdiff.plots.scaled import can_scale, scaled_convergence_figure
+from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.results import shown
 from hopdiff.types import HopdiffError
 
@@ -35,6 +36,22 @@ COLUMNS = (
     ("steps/s", "step_frequency", ".2f"),
     ("seconds", "wall_seconds", ".1f"),
 )
+
+
+@dataclass
+class CompareTask:
+    """runs: the folder with run folders below it."""
+
+    runs: str | None
+
+
+def build(call: Call) -> Work:
+    """Raises HopdiffError if no folder is given."""
+    runs = call.own.runs
+    if runs is None:
+        raise HopdiffError("task=compare needs runs=FOLDER, a folder with run folders in it.")
+    find_runs(Path(runs))
+    return lambda folder: compare(Path(runs), folder.path)
 
 
 def compare(runs: Path, folder: Path) -> None:
@@ -97,3 +114,6 @@ def _row(metrics: dict[str, Any]) -> list[str]:
 def _natural(path: Path) -> list[tuple[int, str]]:
     """A key that sorts 10_b after 9_a."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", str(path))]
+
+
+TASK = Task(build, CompareTask)

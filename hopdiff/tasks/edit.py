@@ -1,47 +1,63 @@
+# No `from __future__ import annotations`: OmegaConf reads the types of the settings classes.
 """task=edit: a clip walked or run to where the user wants it."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hopdiff.io.bvh import read_bvh
-from hopdiff.io.record import prepare_folder
-from hopdiff.tasks.edit_job import edit, source_of
-from hopdiff.tasks.edit_request import EditSettings, Request
+from hopdiff.io.run_folder import Note, RunFolder
+from hopdiff.job import make_run
+from hopdiff.tasks.base import Call, Task, Work
+from hopdiff.tasks.edit_job import Edit, edit, source_of
+from hopdiff.tasks.edit_request import EditSettings, Request, TargetSettings, request_of
 from hopdiff.tasks.edit_results import edit_summary, write_edit
-from hopdiff.tasks.job import Job, make_run
+from hopdiff.tasks.route import CurveSettings
 from hopdiff.tasks.run import searched
 
 
-def run_edit(
-    clip: str | Job,
-    request: Request,
-    how: EditSettings,
-    settings: Mapping[str, Any],
-    folder: Path,
-    command: list[str],
-) -> bool:
-    """Edit a clip, write and describe it. Returns whether the user broke off the search for a run.
+@dataclass
+class EditTask:
+    """clip: a BVH file; None makes a run of our own. target, constraints, or path: where it shall go. edit: how."""
 
-    clip: a BVH file, or the job of a run that is searched for first. settings: the whole configuration as plain data.
-    Raises HopdiffError, naming file and line or the setting, for a file that cannot be read, targets that cannot be,
-    or a folder that cannot be written; nothing is written then.
+    clip: str | None
+    target: TargetSettings
+    constraints: list[Any]
+    edit: EditSettings
+    path: CurveSettings
+
+
+def build(call: Call) -> Work:
+    """Read the request and the clip, or check the settings of the run that is made in its place.
+
+    Raises HopdiffError, naming file and line or the setting, for a file that cannot be read or targets that cannot be.
     """
-    interrupted = False
-    if isinstance(clip, Job):
-        prepare_folder(folder)
-        result = searched(clip)
-        run = make_run(clip, result.best_genes, result)
-        interrupted = run.interrupted
+    own = call.own
+    own.edit.check()
+    request = request_of(own.target, own.constraints, own.path)
+    if own.clip is not None:
+        file = read_bvh(own.clip, own.edit.unit, own.edit.up)
+        source = source_of(file.clip(), Path(own.clip).name, own.edit, request, file)
+        done = edit(source, request, own.edit)
+        return lambda folder: write(folder, done, request, call)
+    job = call.job()
+
+    def work(folder: RunFolder) -> None:
+        result = searched(job)
+        run = make_run(job, result.best_genes, result)
+        folder.interrupted = run.interrupted
         name = f"run_v{run.metrics['speed']:g}_beta{run.metrics['beta']:g}"
-        source = source_of(run.clip, name, how, request, None)
-    else:
-        file = read_bvh(clip, how.unit, how.up)
-        source = source_of(file.clip(), Path(clip).name, how, request, file)
-        prepare_folder(folder)
-    done = edit(source, request, how)
-    write_edit(folder, done, request, settings, command)
-    print(edit_summary(folder, done), flush=True)
-    return interrupted
+        made = source_of(run.clip, name, own.edit, request, None)
+        write(folder, edit(made, request, own.edit), request, call)
+
+    return work
+
+
+def write(folder: RunFolder, done: Edit, request: Request, call: Call) -> None:
+    """Write and describe an edit. Raises HopdiffError if a file cannot be written."""
+    folder.notes = [Note("edit", warning) for warning in done.warnings]
+    write_edit(folder.path, done, request, call.plain)
+    print(edit_summary(folder.path, done), flush=True)
+
+
+TASK = Task(build, EditTask, motion=True)

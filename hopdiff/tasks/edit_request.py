@@ -3,8 +3,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,9 @@ from hopdiff.editing.paper import THETAS, PaperSettings
 from hopdiff.editing.root_path import RootPath
 from hopdiff.editing.solve import SolveSettings
 from hopdiff.editing.targets import TURNS, Constraint
-from hopdiff.geometry.curve import PlaneCurve, curve_through
-from hopdiff.io.points import read_points
+from hopdiff.geometry.curve import PlaneCurve
 from hopdiff.messages import choose, near
-from hopdiff.tasks.path import PathSettings
+from hopdiff.tasks.route import CurveSettings
 from hopdiff.types import HopdiffError
 
 VARIANTS = ("hopdiff", "paper")
@@ -40,32 +38,32 @@ class TargetSettings:
     seen along that, and heading as a turn to the left.
     """
 
-    position: list[Any] | None = None
-    heading: Any = None
-    relative: bool = False
+    position: list[Any] | None
+    heading: Any
+    relative: bool
 
 
 @dataclass
 class EditSettings:
     """See conf/config.yaml. alpha and the others of the two solvers: null for the solver's own."""
 
-    variant: str = "hopdiff"
-    alpha: float | None = None
-    epsilon: float = 0.01
-    side: float = 30.0
-    ahead: float = 1.0
-    turning: float = 0.002
-    ridge: float = 1e-4
-    standing: float = 50.0
-    turn: str = "nearest"
-    theta: str = "turn"
-    smooth: bool = False
-    repeat: int | None = None
-    strides: int = 8
-    feet: bool = True
-    unit: Any = None
-    up: str | None = None
-    joints: dict[str, str] = field(default_factory=dict)
+    variant: str
+    alpha: float | None
+    epsilon: float
+    side: float
+    ahead: float
+    turning: float
+    ridge: float
+    standing: float
+    turn: str
+    theta: str
+    smooth: bool
+    repeat: int | None
+    strides: int
+    feet: bool
+    unit: Any
+    up: str | None
+    joints: dict[str, str]
 
     def solver(self) -> SolveSettings:
         """Of hopdiff's own solver."""
@@ -115,7 +113,7 @@ class Request:
         return None, [_constraint(wish, path) for wish in wishes]
 
 
-def request_of(target: TargetSettings, constraints: Sequence[Any], path: PathSettings) -> Request:
+def request_of(target: TargetSettings, constraints: Sequence[Any], path: CurveSettings) -> Request:
     """What the settings ask for. Raises HopdiffError, naming the setting, if that is nothing sensible."""
     wishes = [_wish(f"constraints[{k}]", one) for k, one in enumerate(constraints)]
     if target.position is not None or target.heading is not None:
@@ -126,13 +124,8 @@ def request_of(target: TargetSettings, constraints: Sequence[Any], path: PathSet
         raise HopdiffError("an edit follows either a path or target and constraints: give one of them.")
     if not along:
         return Request(tuple(wishes), None, None)
-    if not (math.isfinite(path.scale) and path.scale > 0):
-        raise HopdiffError(f"path.scale must be a number above 0, not {path.scale:g}.")
-    if not (math.isfinite(path.smooth) and path.smooth >= 0):
-        raise HopdiffError(f"path.smooth must be a number of 0 or more, not {path.smooth:g}.")
-    points: Any = path.points if path.file is None else read_points(Path(path.file), path.scale)
-    curve = curve_through(points, path.closed, path.smooth)
-    return Request((), curve, np.asarray(points, dtype=np.float64))
+    curve, points = path.curve()
+    return Request((), curve, points)
 
 
 def _wish(where: str, wish: Any) -> Mapping[str, Any]:

@@ -18,13 +18,13 @@ from hopdiff.plots.feet import feet_figure
 from hopdiff.plots.sticks import sticks_figure
 from hopdiff.tasks.edit_job import Edit
 from hopdiff.tasks.edit_request import Request
-from hopdiff.tasks.results import Figures, shown, write_pictures, write_record
+from hopdiff.tasks.results import Figures, shown, write_pictures
 
 CURVE_SPACING = 0.02  # m between the points of a drawn curve
 FEWEST_DRAWN = 5  # frames of a path that is drawn: fewer have no style to show
 
 
-def write_edit(folder: Path, edit: Edit, request: Request, settings: Mapping[str, Any], command: list[str]) -> None:
+def write_edit(folder: Path, edit: Edit, request: Request, settings: Mapping[str, Any]) -> None:
     """Write everything an edit leaves behind. settings: the whole configuration as plain data.
 
     Raises HopdiffError if a file cannot be written, or the motion does not fit the channels of its file.
@@ -35,7 +35,6 @@ def write_edit(folder: Path, edit: Edit, request: Request, settings: Mapping[str
     else:
         source.file.with_motion(edit.clip).write(folder / "edited.bvh")
     write_json(folder / "metrics.json", edit.metrics)
-    write_record(folder, settings, command)
     pictures = write_pictures(folder, edit_figures(edit, request)) if settings["pictures"] else {}
     numbers = {name: float(value) for name, value in edit.metrics.items() if isinstance(value, float)}
     write_events(folder, [numbers], pictures=pictures)

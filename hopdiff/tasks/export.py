@@ -1,25 +1,24 @@
+# No `from __future__ import annotations`: OmegaConf reads the types of the settings classes.
 """task=export, and what `export=[...]` adds to other tasks: motions of run folders in the formats of other programs."""
-
-from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hopdiff.export.fbx import find_blender
-from hopdiff.export.retarget import Target, read_target, retargeted, write_retargeted
-from hopdiff.export.settings import ExportSettings
+from hopdiff.export.request import Exports
+from hopdiff.export.retarget import retargeted, write_retargeted
 from hopdiff.export.tables import read_npz
 from hopdiff.export.take import Take
-from hopdiff.export.write import different, distinct, plain, write_exports
+from hopdiff.export.write import distinct, plain, write_exports
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.files import read_json
-from hopdiff.io.record import prepare_folder
+from hopdiff.io.run_folder import RunFolder
+from hopdiff.job import run_name
+from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.compare import find_runs
-from hopdiff.tasks.job import run_name
-from hopdiff.tasks.results import shown, write_record
+from hopdiff.tasks.results import shown
 from hopdiff.types import HopdiffError
 
 # What a run folder holds its motion in; the first that is there counts.
@@ -27,37 +26,25 @@ SOURCES = ("motion.npz", "edited.bvh", "walk.bvh", "motion.bvh")
 
 
 @dataclass
-class RetargetSettings:
-    """Another body for exported motions. skeleton: a BVH or GLB file with it; null keeps the motion's own.
+class ExportTask:
+    """run: a run folder or a BVH file, or a list of them. runs: a folder with run folders below it."""
 
-    names: how its joints are called: auto, hopdiff, mixamo, unreal_mannequin, or a YAML file with part: joint.
-    """
-
-    skeleton: str | None = None
-    names: str = "auto"
+    run: Any
+    runs: str | None
 
 
-@dataclass(frozen=True)
-class Exports:
-    """What is to be written, checked. files: settings by name. target: body for the motions, if not their own."""
+def build(call: Call) -> Work:
+    """Read the motions. Raises HopdiffError for what cannot be read, or where nothing is asked for."""
+    if not call.exports:
+        raise HopdiffError("task=export needs export=[...], as export=[glb,bvh_blender]; --help lists what there is.")
+    takes = distinct([read_take(source) for source in sources_of(call.own.run, call.own.runs)])
 
-    files: Mapping[str, ExportSettings] = field(default_factory=dict)
-    target: Target | None = None
+    def work(folder: RunFolder) -> None:
+        written = _rows(write_all(takes, call.exports, folder.path))
+        rows = [("motions", _motions(takes)), *written, ("files", shown(folder.path))]
+        print("\n".join(f"{name:<9} {text}" for name, text in rows), flush=True)
 
-    def __bool__(self) -> bool:
-        return bool(self.files) or self.target is not None
-
-    @classmethod
-    def build(cls, files: Mapping[str, ExportSettings], retarget: RetargetSettings) -> Exports:
-        """Raises HopdiffError, naming setting or file, for what cannot be, before any motion is made."""
-        for name, settings in files.items():
-            settings.check(name)
-        different([settings.file_name(name) for name, settings in files.items()])
-        for settings in files.values():
-            if settings.kind == "fbx":
-                find_blender(settings.blender)
-        target = None if retarget.skeleton is None else read_target(retarget.skeleton, retarget.names)
-        return cls(files, target)
+    return work
 
 
 def read_take(source: Path) -> Take:
@@ -101,23 +88,6 @@ def sources_of(run: Any, runs: str | None) -> list[Path]:
     if not found:
         raise HopdiffError("task=export needs run=DIR, a run folder, run=[DIR,...], or runs=FOLDER with runs below it.")
     return found
-
-
-def export(
-    sources: Sequence[Path], exports: Exports, folder: Path, settings: Mapping[str, Any], command: list[str]
-) -> None:
-    """Write the motions of run folders into another folder, and tell what was written.
-
-    settings: the whole configuration as plain data. Raises HopdiffError for what cannot be read or written.
-    """
-    if not exports:
-        raise HopdiffError("task=export needs export=[...], as export=[glb,bvh_blender]; --help lists what there is.")
-    takes = distinct([read_take(source) for source in sources])
-    prepare_folder(folder)
-    written = _rows(write_all(takes, exports, folder))
-    write_record(folder, settings, command)
-    rows = [("motions", _motions(takes)), *written, ("files", shown(folder))]
-    print("\n".join(f"{name:<9} {text}" for name, text in rows), flush=True)
 
 
 def export_result(folder: Path, exports: Exports) -> None:
@@ -164,3 +134,6 @@ def _frames(take: Take) -> str:
 def _motions(takes: Sequence[Take]) -> str:
     first = [f"{take.name} ({take.frames} frames, {take.clip.duration:.2f} s)" for take in takes[:3]]
     return ", ".join(first) + (f" and {len(takes) - 3} more" if len(takes) > 3 else "")
+
+
+TASK = Task(build, ExportTask, exports=True)

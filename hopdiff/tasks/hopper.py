@@ -2,19 +2,21 @@
 """task=hopper: the one-leg or two-leg hopper alone, as Kang (1999) draws it in figures 3.4, 3.5 and 3.7."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from hopdiff.io.record import prepare_folder, write_json, write_table
+from hopdiff.io.record import write_json, write_table
+from hopdiff.io.run_folder import RunFolder
 from hopdiff.motion import SIDES
 from hopdiff.numerics import GRAVITY
 from hopdiff.physics.hopping import Hopper, Hopping, Legs, first_hop, hop_along, periodic_rate
 from hopdiff.plots.hopper import hopper_figure
 from hopdiff.plots.save import save_figure
-from hopdiff.tasks.results import shown, write_record
+from hopdiff.tasks.base import Call, Task, Work
+from hopdiff.tasks.results import shown
 from hopdiff.types import HopdiffError
 
 MAX_FRAMES = 100_000
@@ -53,31 +55,36 @@ class HopperSettings:
     knee flexion then and half-way through.
     """
 
-    legs: int = 1
-    leg_length: float = 0.9
-    touchdown_angle_deg: float = 30.0
-    stiffness: float = 11500.0
-    mass: float = 70.0
-    step: float = 0.005
-    hops: int = 4
-    touchdown_rate: float | None = None
-    flight_knee_deg: float = 75.0
-    alpha: float = 0.9
-    active_angle_start_deg: float = -25.0
-    active_angle_end_deg: float = 20.0
-    active_knee_start_deg: float = 95.0
-    active_knee_middle_deg: float = 125.0
-    active_knee_end_deg: float = 80.0
+    legs: int
+    leg_length: float
+    touchdown_angle_deg: float
+    stiffness: float
+    mass: float
+    step: float
+    hops: int
+    touchdown_rate: float | None
+    flight_knee_deg: float
+    alpha: float
+    active_angle_start_deg: float
+    active_angle_end_deg: float
+    active_knee_start_deg: float
+    active_knee_middle_deg: float
+    active_knee_end_deg: float
 
 
-def hopper(
-    settings: HopperSettings, speed: float, record: Mapping[str, Any], folder: Path, command: Sequence[str]
-) -> None:
-    """Step the hopper, write its picture, frames and numbers, and print what it does.
+@dataclass
+class HopperTask:
+    """See `HopperSettings`."""
 
-    speed [m/s]. record: the whole configuration, for config.yaml. A hopper that falls is a result like any other.
-    Raises HopdiffError if a setting is out of its range or the folder cannot be written.
+    hopper: HopperSettings
+
+
+def build(call: Call) -> Work:
+    """Step the hopper; one that falls is a result like any other.
+
+    Raises HopdiffError if a setting is out of its range.
     """
+    settings, speed = call.own.hopper, call.settings.speed
     check_hopper(settings, speed)
     machine = Hopper(
         settings.leg_length, math.radians(settings.touchdown_angle_deg), speed, settings.stiffness, settings.mass
@@ -91,13 +98,17 @@ def hopper(
             "ask for fewer hops or a longer step."
         )
     numbers = hopper_metrics(settings, machine, done, rate, cycle_rate)
-    prepare_folder(folder)
-    write_json(folder / "metrics.json", numbers)
-    write_table(folder / "frames.csv", *frame_table(done))
-    note = _course(numbers, done)
-    save_figure(hopper_figure(done, settings.leg_length, _title(settings, speed), note), folder / "hopper.png")
-    write_record(folder, record, list(command))
-    print(hopper_summary(folder, settings, speed, numbers, note), flush=True)
+
+    def work(folder: RunFolder) -> None:
+        write_json(folder.path / "metrics.json", numbers)
+        write_table(folder.path / "frames.csv", *frame_table(done))
+        note = _course(numbers, done)
+        if call.settings.pictures:
+            figure = hopper_figure(done, settings.leg_length, _title(settings, speed), note)
+            save_figure(figure, folder.path / "hopper.png")
+        print(hopper_summary(folder.path, settings, speed, numbers, note), flush=True)
+
+    return work
 
 
 def legs_of(settings: HopperSettings) -> Legs:
@@ -232,3 +243,6 @@ def hopper_summary(
         rows.append(("note", f"a free foot passes {depth:.2f} m below the ground{advice}"))
     rows.append(("files", shown(folder)))
     return "\n".join(f"{name:<9} {text}" for name, text in rows)
+
+
+TASK = Task(build, HopperTask)

@@ -4,26 +4,29 @@
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from hopdiff.doors import config_folder
 from hopdiff.editing.contacts import find_contacts, slide_numbers
 from hopdiff.editing.feet import clean_feet
 from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.measure import path_measures
-from hopdiff.graph.graph import THRESHOLD, WINDOW, build_graph
+from hopdiff.graph.graph import build_graph
 from hopdiff.graph.scene import Place, Scene
 from hopdiff.graph.scene_file import read_scene
 from hopdiff.graph.settings import WaySettings
 from hopdiff.graph.way import Way, find_way
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.events import write_events
-from hopdiff.io.record import prepare_folder, write_json
+from hopdiff.io.record import write_json
+from hopdiff.io.run_folder import RunFolder
 from hopdiff.messages import choose
 from hopdiff.plots.rooms import rooms_figure
 from hopdiff.plots.sticks import sticks_figure
-from hopdiff.tasks.results import shown, write_pictures, write_record
+from hopdiff.tasks.base import Call, Task, Work
+from hopdiff.tasks.results import shown, write_pictures
 from hopdiff.types import HopdiffError
 
 
@@ -31,19 +34,21 @@ from hopdiff.types import HopdiffError
 class GraphSettings:
     """threshold: largest distance of a transition, root mean square over joints [m]. window: compared frames [s]."""
 
-    threshold: float = THRESHOLD
-    window: float = WINDOW
+    threshold: float
+    window: float
 
 
 @dataclass
-class NavigateSettings:
+class NavigateTask:
     """clips: BVH files of one skeleton. scene: a name or a YAML file. start, goal: a place of the scene by name, or
-    [x, z, heading in degrees]."""
+    [x, z, heading in degrees]. way, graph: how the way is looked for, and among which motions."""
 
-    clips: list[str] = field(default_factory=list)
-    scene: str = "two_rooms"
-    start: Any = "start"
-    goal: Any = "goal"
+    clips: list[str]
+    scene: str
+    start: Any
+    goal: Any
+    way: WaySettings
+    graph: GraphSettings
 
 
 def scene_file(name: str, scenes: Path) -> Path:
@@ -54,57 +59,52 @@ def scene_file(name: str, scenes: Path) -> Path:
     return scenes / f"{choose('scene', name, known)}.yaml"
 
 
-def navigate(
-    wish: NavigateSettings,
-    graph_settings: GraphSettings,
-    way_settings: WaySettings,
-    scenes: Path,
-    settings: Mapping[str, Any],
-    folder: Path,
-    command: list[str],
-) -> None:
-    """Find, write and describe a walk. scenes: folder of the project's scenes. settings: the whole configuration.
+def build(call: Call) -> Work:
+    """Find a walk.
 
     Raises HopdiffError, naming file, setting or place, for whatever cannot be read, and if there is no way, saying why
-    and how near the search came; nothing is written then.
+    and how near the search came.
     """
-    if not wish.clips:
+    own: NavigateTask = call.own
+    if not own.clips:
         raise HopdiffError("task=navigate needs clips=[FILE,...], BVH files of one skeleton to walk with.")
-    way_settings.check()
-    scene = read_scene(scene_file(wish.scene, scenes))
-    start, goal = (place_of(what, one, scene) for what, one in (("start", wish.start), ("goal", wish.goal)))
-    files = [read_bvh(name) for name in wish.clips]
+    own.way.check()
+    scene = read_scene(scene_file(own.scene, config_folder() / "scenes"))
+    start, goal = (place_of(what, one, scene) for what, one in (("start", own.start), ("goal", own.goal)))
+    files = [read_bvh(name) for name in own.clips]
     begun = time.perf_counter()
-    graph = build_graph([file.clip() for file in files], graph_settings.threshold, graph_settings.window)
+    graph = build_graph([file.clip() for file in files], own.graph.threshold, own.graph.window)
     built = time.perf_counter() - begun
-    way = find_way(graph, scene, start, goal, way_settings)
-    prepare_folder(folder)
-    walk, feet = _with_clean_feet(way)
-    numbers = {
-        "scene": scene.name,
-        "clips": list(wish.clips),
-        "unit": files[0].unit,
-        "up": files[0].up,
-        "graph_seconds": built,
-        **graph.numbers(),
-        **way.numbers,
-        **path_measures(way.graph_path, way.path, way.clip.frame_time),
-        **feet,
-    }
-    files[0].with_motion(walk.clip).write(folder / "walk.bvh")
-    write_json(folder / "metrics.json", numbers)
-    write_record(folder, settings, command)
-    pictures = {}
-    if settings["pictures"]:
-        half = way_settings.half_width
-        figures = {
-            "rooms": lambda: rooms_figure(scene, way.graph_path, way.path, start, goal, half, way.waypoints),
-            "strip": lambda: sticks_figure(walk.clip),
+    way = find_way(graph, scene, start, goal, own.way)
+
+    def work(folder: RunFolder) -> None:
+        walk, feet = _with_clean_feet(way)
+        numbers = {
+            "scene": scene.name,
+            "clips": list(own.clips),
+            "unit": files[0].unit,
+            "up": files[0].up,
+            "graph_seconds": built,
+            **graph.numbers(),
+            **way.numbers,
+            **path_measures(way.graph_path, way.path, way.clip.frame_time),
+            **feet,
         }
-        pictures = write_pictures(folder, figures)
-    scalars = {name: float(value) for name, value in numbers.items() if isinstance(value, float)}
-    write_events(folder, [scalars], pictures=pictures)
-    print(summary(folder, numbers), flush=True)
+        write_json(folder.path / "metrics.json", numbers)
+        files[0].with_motion(walk.clip).write(folder.path / "walk.bvh")
+        pictures = {}
+        if call.settings.pictures:
+            half = own.way.half_width
+            figures = {
+                "rooms": lambda: rooms_figure(scene, way.graph_path, way.path, start, goal, half, way.waypoints),
+                "strip": lambda: sticks_figure(walk.clip),
+            }
+            pictures = write_pictures(folder.path, figures)
+        scalars = {name: float(value) for name, value in numbers.items() if isinstance(value, float)}
+        write_events(folder.path, [scalars], pictures=pictures)
+        print(summary(folder.path, numbers), flush=True)
+
+    return work
 
 
 def place_of(what: str, given: Any, scene: Scene) -> Place:
@@ -156,3 +156,6 @@ def summary(folder: Path, m: Mapping[str, Any]) -> str:
         rows.append(("feet", f"slide {slides} cm/s (graph, edited, cleaned)"))
     rows.append(("files", shown(folder)))
     return "\n".join(f"{name:<9} {text}" for name, text in rows)
+
+
+TASK = Task(build, NavigateTask, motion=True)

@@ -2,39 +2,48 @@
 """task=path: a run along a curve on the ground, in a given time."""
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from omegaconf import DictConfig, OmegaConf
 from torch import Tensor
 
 from hopdiff import costs
+from hopdiff.config import build_character, build_job, checked, typed
 from hopdiff.effort.metrics import MEASURING_FPS, standing_feet
 from hopdiff.effort.problem import BodyProblem
-from hopdiff.genes import FROUDE_RANGE
-from hopdiff.geometry.curve import PlaneCurve, curve_through
-from hopdiff.io.points import read_points
-from hopdiff.io.record import prepare_folder, write_table
+from hopdiff.io.record import write_table
+from hopdiff.io.run_folder import Note, RunFolder
+from hopdiff.job import Job, Run, make_run
+from hopdiff.messages import typed_names
 from hopdiff.metrics import loop_error, stance_foot_drift
 from hopdiff.models.course import run_along, turning_lean
 from hopdiff.motion import Motion
-from hopdiff.numerics import GRAVITY
 from hopdiff.plots.animation import write_path_gif
 from hopdiff.plots.path import oblique_figure, path_figure
 from hopdiff.problem import RunProblem
 from hopdiff.search.loop import SearchResult
-from hopdiff.tasks.job import Job, Run, make_run
-from hopdiff.tasks.results import Figures, search_figures, shown, write_motion, write_numbers, write_pictures
+from hopdiff.tasks.base import Call, Task, Work
+from hopdiff.tasks.notes import notes_of
+from hopdiff.tasks.results import (
+    Figures,
+    search_figures,
+    shown,
+    write_found,
+    write_motion,
+    write_numbers,
+    write_pictures,
+    write_run_events,
+)
+from hopdiff.tasks.route import PathSettings, Route, plan
 from hopdiff.tasks.run import searched
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.course import Course
 
-HOLD = 1.0  # of gravity: what a foot on level ground can push sideways
-MAX_FRAMES = 100_000
-MAX_SAMPLES = 1_000_000  # along a path, in the search for its tightest turn
 # Numbers of the straight run that are not those of one along a curve.
 OF_STRAIGHT_RUNS = (
     *("flight_residual_bw", "stance_residual_bw", "moment_residual_nm", "momentum_drift", "friction_needed"),
@@ -44,119 +53,44 @@ CADENCES = 201  # stride times looked up between the shortest and the longest
 
 
 @dataclass
-class PathSettings:
-    """points: [[x, z], ...] [m]. file: a CSV or SVG file, which goes before the points. time [s]. closed: None if the
-    points shall tell.
+class PathTask:
+    """See `PathSettings`."""
 
-    scale: metres a unit of the file. smooth: length of the way over which the curve is averaged [m].
-    """
-
-    points: list[Any] = field(default_factory=list)  # of pairs; whole numbers would be refused for floats
-    file: str | None = None
-    time: float | None = None
-    closed: bool | None = None
-    scale: float = 1.0
-    smooth: float = 0.0
-    max_lean_deg: float = 30.0
+    path: PathSettings
 
 
-@dataclass(frozen=True)
-class Route:
-    """What is asked for. points: (K, 2) as given, x and z [m]. time [s]. max_lean [rad]."""
-
-    points: NDArray[np.float64]
-    curve: PlaneCurve
-    time: float
-    max_lean: float
-
-    @property
-    def speed(self) -> float:
-        return self.curve.length / self.time
-
-    def tightest(self) -> tuple[float, Tensor]:
-        """The least radius of a turn [m] and the place (2,) where it is."""
-        count = min(max(1000, math.ceil(self.curve.length / 0.02)), MAX_SAMPLES)
-        arc = torch.linspace(0.0, self.curve.length, count + 1, dtype=torch.float64)
-        bend = self.curve.curvature(arc).abs()
-        # A turn about on the spot has no curvature before or after it, only another heading.
-        turn = self.curve.heading(arc).diff().abs() * (count / self.curve.length)
-        bend[1:] = torch.maximum(bend[1:], turn)
-        worst = int(bend.argmax())
-        return 1.0 / max(float(bend[worst]), 1e-9), self.curve.position(arc[worst : worst + 1])[0]
+def route_of(config: DictConfig) -> Route:
+    """The route of the settings, checked against what their body can run. Raises HopdiffError, naming the setting."""
+    character = build_character(config)
+    asked: PathTask = typed(config, PathTask)
+    return plan(asked.path, character.leg_length, character.name, checked(config).fps)
 
 
-def plan(settings: PathSettings, leg_length: float, body: str, fps: float) -> Route:
-    """The route of the settings. leg_length [m] and name of the body bound its speed, fps [frames/s] its time.
-
-    Raises HopdiffError, naming the setting and the range that is possible, for points or a file that make no curve,
-    a number out of range, a time for which the body would have to be too fast or too slow, or a turn too sharp.
-    """
-    if not settings.points and settings.file is None:
-        raise HopdiffError("task=path needs either path.points=[[x,z],...] or path.file=FILE.")
-    if settings.time is None:
-        raise HopdiffError("task=path needs path.time, the seconds from the first point to the last.")
-    for name, value, least in (("time", settings.time, 0.0), ("scale", settings.scale, 0.0)):
-        if not (math.isfinite(value) and value > least):
-            raise HopdiffError(f"path.{name} must be a number above {least:g}, not {value:g}.")
-    if not (math.isfinite(settings.smooth) and settings.smooth >= 0):
-        raise HopdiffError(f"path.smooth must be a number of 0 or more, not {settings.smooth:g}.")
-    if not 0.0 <= settings.max_lean_deg <= 45.0:
-        raise HopdiffError(f"path.max_lean_deg must lie between 0 and 45, not {settings.max_lean_deg:g}.")
-    points: Any = settings.points if settings.file is None else read_points(Path(settings.file), settings.scale)
-    curve = curve_through(points, settings.closed, settings.smooth)
-    route = Route(np.asarray(points, dtype=np.float64), curve, settings.time, math.radians(settings.max_lean_deg))
-    _check_speed(route, leg_length, body)
-    if settings.time * fps > MAX_FRAMES:
-        raise HopdiffError(
-            f"path.time={settings.time:g} at fps={fps:g} makes more than {MAX_FRAMES} frames: {MAX_FRAMES / fps:.0f} s"
-            " are the most."
-        )
-    return route
-
-
-def _check_speed(route: Route, leg_length: float, body: str) -> None:
-    slowest, fastest = (froude * math.sqrt(GRAVITY * leg_length) for froude in FROUDE_RANGE)
-    length, (radius, place) = route.curve.length, route.tightest()
-    most = min(fastest, math.sqrt(HOLD * GRAVITY * radius))
-    where = f"the path turns with a radius of {radius:.2f} m near [{place[0] + 0.0:.1f}, {place[1] + 0.0:.1f}]"
-    if most < slowest:
-        raise HopdiffError(
-            f"{where}: too sharp at any speed; the character {body} needs {slowest**2 / (HOLD * GRAVITY):.2f} m or more"
-            " (path.smooth rounds it, 0.5 over about a metre)."
-        )
-    # Rounded inwards, so that both ends are allowed.
-    times = (
-        f"path.time must lie between {math.ceil(10.0 * length / most) / 10.0:g}"
-        f" and {math.floor(10.0 * length / slowest) / 10.0:g} s"
-    )
-    if route.speed > fastest or route.speed < slowest:
-        raise HopdiffError(
-            f"path.time={route.time:g} asks for {route.speed:.1f} m/s over {length:.1f} m, and the character {body}"
-            f" runs at {slowest:.1f} to {fastest:.1f} m/s: {times}."
-        )
-    if route.speed > most:
-        raise HopdiffError(
-            f"{where}, where {route.speed:.1f} m/s need {route.speed**2 / (HOLD * GRAVITY):.2f} m: {times}, or the"
-            " turn be wider."
-        )
-
-
-def run_path(job: Job, route: Route, folder: Path, command: list[str]) -> bool:
-    """Search a run of the route's speed, fit whole strides and lead it along. Returns whether the user broke it off.
-
-    Raises HopdiffError if no valid candidate turned up, whole strides do not fit, or a turn is out of a leg's reach;
-    nothing is written then.
-    """
+def build(call: Call) -> Work:
+    """Check path and settings. Raises HopdiffError, naming the setting and the range that is possible."""
+    words = typed_names(call.command)
+    if "speed" in words:
+        raise HopdiffError("speed cannot be set with task=path: path.time and the length of the path give it.")
+    if "path.points" in words and "path.file" in words:
+        raise HopdiffError("path.points and path.file are both set: give the path by one of them.")
+    route = route_of(call.config)
+    OmegaConf.update(call.config, "speed", route.speed)
+    job = build_job(call.config)
     if (cadence := cadence_gene(job.problem)) in job.settings["genes"]["fixed"]:
         raise HopdiffError(
             f"genes.fixed.{cadence} cannot be set with task=path: whole strides fill path.time by the"
             f" {cadence.replace('_', ' ')}."
         )
-    prepare_folder(folder)
-    run = path_run(job, route, searched(job))
-    write_path_run(folder, job, route, run, command)
-    print(path_summary(folder, run), flush=True)
-    return run.interrupted
+
+    def work(folder: RunFolder) -> None:
+        result = searched(job)
+        write_found(folder.path, job, result)
+        run = path_run(job, route, result)
+        folder.interrupted, folder.notes = run.interrupted, notes_of(run)
+        write_path_run(folder.path, job, route, run)
+        print(path_summary(folder.path, run, folder.notes), flush=True)
+
+    return work
 
 
 def path_run(job: Job, route: Route, result: SearchResult) -> Run:
@@ -262,9 +196,10 @@ def path_metrics(route: Route, motion: Motion, strides: int) -> dict[str, Any]:
     return found
 
 
-def write_path_run(folder: Path, job: Job, route: Route, run: Run, command: list[str]) -> None:
+def write_path_run(folder: Path, job: Job, route: Route, run: Run) -> None:
     """Write everything a run along a path leaves behind. Raises HopdiffError if a file cannot be written."""
     motion = run.motion
+    write_numbers(folder, job, run)
     write_motion(folder, run)
     arc = route.curve.length * torch.arange(run.clip.frames, dtype=torch.float64) / (run.clip.frames - 1)
     point, heading = route.curve.position(arc), route.curve.heading(arc)
@@ -278,10 +213,10 @@ def write_path_run(folder: Path, job: Job, route: Route, run: Run, command: list
         }
         pictures = write_pictures(folder, figures | search_figures(run))
         write_path_gif(folder / "motion.gif", motion, curve=point)
-    write_numbers(folder, job, run, command, pictures)
+    write_run_events(folder, job, run, pictures)
 
 
-def path_summary(folder: Path, run: Run) -> str:
+def path_summary(folder: Path, run: Run, notes: Sequence[Note] = ()) -> str:
     """The table at the end of a run along a path."""
     m = run.metrics
     rows = [
@@ -294,6 +229,10 @@ def path_summary(folder: Path, run: Run) -> str:
             f" {m['energy_target']:.3f}",
         ),
         ("searched", f"{m['search']}, {m['evaluations']} evaluations, {m['wall_seconds']:.1f} s"),
+        *(("note", note.sentence) for note in notes),
         ("files", shown(folder)),
     ]
     return "\n".join(f"{name:<9} {text}" for name, text in rows)
+
+
+TASK = Task(build, PathTask, motion=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,8 @@ from hopdiff.io.events import write_events
 from hopdiff.io.files import write_whole
 from hopdiff.io.genes_file import write_genes
 from hopdiff.io.record import git_state, versions, write_json, write_table
+from hopdiff.io.run_folder import Note
+from hopdiff.job import Job, Run
 from hopdiff.plots.angles import angles_figure
 from hopdiff.plots.animation import write_gif
 from hopdiff.plots.com_track import com_track_figure
@@ -22,25 +24,30 @@ from hopdiff.plots.convergence import convergence_figure
 from hopdiff.plots.front import front_figure
 from hopdiff.plots.save import save_figure
 from hopdiff.plots.strip import strip_figure
-from hopdiff.search.loop import HistoryRow
-from hopdiff.tasks.job import Job, Run
+from hopdiff.search.loop import HistoryRow, SearchResult
 
 # What a row of the HParams table is told apart by.
 HPARAMS = ("speed", "beta", "seed", "dtype")
 
 
-def write_run(folder: Path, job: Job, run: Run, command: list[str]) -> None:
-    """Write everything a run leaves behind. command: the overrides typed by the user.
+def write_found(folder: Path, job: Job, result: SearchResult) -> None:
+    """Write what a search has found, before anything is made of it: genes, history and settings."""
+    values = job.table.to_physical(result.best_genes).tolist()
+    write_genes(folder / "genes.json", job.saved, dict(zip(job.table.names, values, strict=True)), job.table.units)
+    write_history(folder, result.history)
+    write_settings(folder, job.settings)
 
-    Raises HopdiffError if a file cannot be written.
-    """
+
+def write_run(folder: Path, job: Job, run: Run) -> None:
+    """Write everything a run leaves behind, numbers first. Raises HopdiffError if a file cannot be written."""
+    write_numbers(folder, job, run)
     write_motion(folder, run)
     write_bvh(folder / "motion_in_place.bvh", run.clip.in_place())
     pictures = {}
     if job.settings["pictures"]:
         pictures = write_pictures(folder, stride_figures(run))
         write_gif(folder / "motion.gif", run.motion)
-    write_numbers(folder, job, run, command, pictures)
+    write_run_events(folder, job, run, pictures)
 
 
 def write_motion(folder: Path, run: Run) -> None:
@@ -49,13 +56,24 @@ def write_motion(folder: Path, run: Run) -> None:
     write_npz(folder / "motion.npz", run.take())
 
 
-def write_numbers(folder: Path, job: Job, run: Run, command: list[str], pictures: Mapping[str, Path]) -> None:
-    """Write all of a run that is no motion: genes, metrics, record, history, and events with the pictures in them."""
+def write_numbers(folder: Path, job: Job, run: Run) -> None:
+    """Write all of a run that is no motion: genes, metrics, history, and the settings as they were used."""
     write_genes(folder / "genes.json", job.saved, run.genes, job.table.units)
     write_json(folder / "metrics.json", run.metrics)
-    write_record(folder, job.settings, command)
-    if run.history:
-        write_table(folder / "history.csv", HistoryRow._fields, run.history)
+    write_history(folder, run.history)
+    write_settings(folder, job.settings)
+
+
+def write_history(folder: Path, history: Sequence[HistoryRow]) -> None:
+    """Write every step of a search, with the terms of its best candidate's cost, if there was a search."""
+    if history:
+        rows = [row.flat() for row in history]
+        columns = list(dict.fromkeys(name for row in rows for name in row))
+        write_table(folder / "history.csv", columns, ([row.get(name) for name in columns] for row in rows))
+
+
+def write_run_events(folder: Path, job: Job, run: Run, pictures: Mapping[str, Path]) -> None:
+    """Write TensorBoard events of a run, with its pictures in them."""
     write_events(
         folder,
         scalars=[_scalars(row) for row in run.history],
@@ -65,13 +83,18 @@ def write_numbers(folder: Path, job: Job, run: Run, command: list[str], pictures
     )
 
 
+def write_settings(folder: Path, settings: Mapping[str, Any]) -> None:
+    """Write the whole configuration."""
+    write_whole(folder / "config.yaml", OmegaConf.to_yaml(OmegaConf.create(dict(settings))))
+
+
 def write_record(folder: Path, settings: Mapping[str, Any], command: list[str]) -> None:
     """Write what a run was made with: config.yaml, versions.json, git.json.
 
     settings: the whole configuration as plain data. command: the overrides typed by the user.
     """
-    write_whole(folder / "config.yaml", OmegaConf.to_yaml(OmegaConf.create(dict(settings))))
-    write_json(folder / "versions.json", versions(command))
+    write_settings(folder, settings)
+    write_json(folder / "versions.json", versions(command, settings["threads"]))
     write_json(folder / "git.json", git_state(Path(__file__).parent))
 
 
@@ -110,7 +133,7 @@ def limps(run: Run) -> bool:
     return bool(abs(left - right) > 0.01 * max(left, right))
 
 
-def summary(folder: Path, job: Job, run: Run) -> str:
+def summary(folder: Path, job: Job, run: Run, notes: Sequence[Note] = ()) -> str:
     """The table at the end of a run: what was asked, what was reached, where the files are."""
     m = run.metrics
     # At beta 0 the target is zero, which nobody reaches: there is no percentage to give.
@@ -132,6 +155,7 @@ def summary(folder: Path, job: Job, run: Run) -> str:
         ),
         *([("limp", _limp(m))] if limps(run) else []),
         ("searched", searched if run.history else "not at all: replayed from a genes file"),
+        *(("note", note.sentence) for note in notes),
         ("files", shown(folder)),
     ]
     return "\n".join(f"{name:<9} {text}" for name, text in rows)
@@ -158,7 +182,7 @@ def shown(folder: Path) -> str:
 
 
 def _scalars(row: HistoryRow) -> dict[str, float]:
-    return {f"search/{name}": float(value) for name, value in row._asdict().items() if name != "step"}
+    return {f"search/{name}": float(value) for name, value in row.flat().items() if name != "step"}
 
 
 def _hparams(job: Job) -> Mapping[str, Any]:

@@ -4,28 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from tqdm import tqdm
 
-from hopdiff.io.record import prepare_folder
+from hopdiff.io.run_folder import RunFolder
+from hopdiff.job import Job, check_frames, find, make_run
 from hopdiff.search.loop import HistoryRow, OnStep, SearchResult
-from hopdiff.tasks.job import Job, find, make_run
-from hopdiff.tasks.results import summary, write_run
+from hopdiff.tasks.base import Call, Task, Work
+from hopdiff.tasks.notes import notes_of
+from hopdiff.tasks.results import summary, write_found, write_run
 
 
-def run(job: Job, folder: Path, command: list[str]) -> bool:
-    """Search, write, and print what came out. Returns whether the user broke the search off.
+def build(call: Call) -> Work:
+    """Check the settings of a run. Raises HopdiffError, naming the setting."""
+    job = call.job()
+    check_frames(job)
 
-    Raises HopdiffError if the folder cannot be written, before anything is searched, or if no valid candidate
-    turned up.
-    """
-    prepare_folder(folder)
-    result = searched(job)
-    found = make_run(job, result.best_genes, result)
-    write_run(folder, job, found, command)
-    print(summary(folder, job, found), flush=True)
-    return found.interrupted
+    def work(folder: RunFolder) -> None:
+        result = searched(job)
+        # First of all what the search has found: everything else can be made again from it.
+        write_found(folder.path, job, result)
+        found = make_run(job, result.best_genes, result)
+        folder.interrupted, folder.notes = found.interrupted, notes_of(found)
+        write_run(folder.path, job, found)
+        print(summary(folder.path, job, found, folder.notes), flush=True)
+
+    return work
 
 
 def searched(job: Job) -> SearchResult:
@@ -47,3 +51,6 @@ def progress(evaluations: int) -> Iterator[OnStep]:
             bar.update(min(round(row.spent), evaluations) - bar.n)
 
         yield on_step
+
+
+TASK = Task(build, motion=True)

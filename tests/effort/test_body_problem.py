@@ -10,7 +10,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from hopdiff.config import build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import build_job
 from hopdiff.effort import problem as module
 from hopdiff.effort.problem import BodyProblem
 from hopdiff.effort.terms import energy_ratio, muscle_power, muscle_pull

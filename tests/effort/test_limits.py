@@ -27,6 +27,7 @@ WIDE = BodyLimits(
     ankle_deg=[-90.0, 90.0],
     hip_deg=[-180.0, 180.0],
     elbow_deg=[-180.0, 180.0],
+    weight=1.0,
 )
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from hopdiff.config import build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import build_job
 from hopdiff.types import HopdiffError
 
 

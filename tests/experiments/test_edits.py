@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hopdiff.cli import main
-from hopdiff.config import config_folder
+from hopdiff.doors import config_folder
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = sorted(path.stem for path in (config_folder() / "experiment" / "kim2021").glob("*.yaml"))

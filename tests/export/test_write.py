@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from hopdiff.config import compose
+from hopdiff.composing import compose
 from hopdiff.export.full_body import full_body
 from hopdiff.export.prepare import prepared
 from hopdiff.export.settings import ExportSettings

@@ -6,7 +6,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from hopdiff.config import build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import build_job
 from hopdiff.costs import energy_rate_raw
 from hopdiff.metrics import loop_error, stance_foot_drift
 from hopdiff.models.gait import Pose, stride_motion

@@ -11,7 +11,8 @@ from omegaconf import OmegaConf
 from torch import Tensor
 
 from hopdiff.character import Character
-from hopdiff.config import build_job, compose
+from hopdiff.composing import compose
+from hopdiff.config import build_job
 from hopdiff.effort.problem import BodyProblem
 from hopdiff.whole_body.layout import Layout
 from hopdiff.whole_body.model import BodyModel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -16,10 +17,12 @@ from hopdiff.export.take import Segments, Take
 from hopdiff.genes import GeneTable
 from hopdiff.geometry.clip import Clip
 from hopdiff.metrics import run_metrics
+from hopdiff.models.gait import LEAST_FRAMES
 from hopdiff.motion import Motion
 from hopdiff.problem import RunProblem
 from hopdiff.search.base import Search
 from hopdiff.search.loop import Budget, HistoryRow, OnStep, SearchResult, run_search
+from hopdiff.types import HopdiffError
 from hopdiff.whole_body.layout import JOINT_OF, SEGMENTS
 
 
@@ -148,6 +151,16 @@ def _gene_choice(settings: Mapping[str, Any]) -> str:
     common = ["common_eta"] if settings["common_eta"] else []
     fixed = [f"{name}={value:g}" for name, value in sorted(settings["fixed"].items())]
     return "+".join([settings["name"], *common, *fixed])
+
+
+def check_frames(job: Job) -> None:
+    """Raises HopdiffError if `fps` is too low for the shortest stride that a search of this job may find."""
+    shortest = job.problem.shortest_stride
+    if round(shortest * job.fps) < LEAST_FRAMES:
+        raise HopdiffError(
+            f"fps={job.fps:g} is too low: at this speed a stride may take {shortest:.3f} s, which needs"
+            f" {math.ceil(LEAST_FRAMES / shortest)} frames/s or more."
+        )
 
 
 @contextmanager

@@ -1,0 +1,121 @@
+"""From the words of a command line to settings, as Hydra composes them. Everything here is quick: no PyTorch."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import hydra
+import yaml
+from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
+from omegaconf import DictConfig, OmegaConf
+
+from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, config_folder, load, loaded
+from hopdiff.types import HopdiffError
+
+# What settings begin with that need not be there before they are set.
+NEW = ("search.", "costs.", "exports.", "genes.fixed.", "genes.fixed=", "edit.joints.", "edit.joints=")
+MARK = "++"
+
+# Hydra 1.4 drops the argument that 1.3 asks for.
+HYDRA_BASE: dict[str, Any] = {"version_base": None} if hydra.__version__ < "1.4" else {}
+
+
+def with_new_names(words: Sequence[str]) -> list[str]:
+    """Words of the command line, those marked "++" whose settings need not be there before they are set.
+
+    A sweep is first composed with the default search and costs, which need not have the setting of others, and a
+    preset of an export names only what departs from the rest; whoever builds these checks their names. No gene is
+    fixed, and no joint named, until the user does; `GeneTable.build` and `find_legs` check that.
+    """
+    return [f"{MARK}{word}" if word.startswith(NEW) else word for word in words]
+
+
+def as_typed(text: str) -> str:
+    """A message without the marks of `with_new_names`."""
+    return re.sub(r"\+\+(?=search\.|costs\.|exports\.|genes\.fixed|edit\.joints)", "", text)
+
+
+@cache
+def register_choices() -> None:
+    """Tell Hydra what installed packages bring, so that it can be chosen like a file of conf/.
+
+    Raises HopdiffError if a character or task of another package cannot be loaded.
+    """
+    store = ConfigStore.instance()
+    for name in SEARCHES.brought:
+        store.store(group="search", name=name, node={"name": name})
+    for name in FORMATS.brought:
+        store.store(group="export", name=name, package=f"exports.{name}", node={"kind": name})
+    for name, point in CHARACTERS.brought.items():
+        body = loaded(CHARACTERS.what, point)
+        if not isinstance(body, Mapping):
+            raise HopdiffError(f"the character {name!r} of another package is no table of settings: {body!r}.")
+        store.store(group="character", name=name, node={"name": name, **body})
+    for name, point in TASKS.brought.items():
+        own = getattr(loaded(TASKS.what, point), "defaults", {})
+        store.store(group="task", name=name, package="_global_", node={"task": {"name": name, "label": name}, **own})
+
+
+def compose(overrides: Sequence[str] = ()) -> DictConfig:
+    """The settings that a command line with these overrides stands for, outside a Hydra application."""
+    register_choices()
+    # A Hydra application around this one stays as it is.
+    outer = GlobalHydra.instance().hydra
+    GlobalHydra.instance().clear()
+    try:
+        with hydra.initialize_config_dir(str(config_folder()), job_name="hopdiff", **HYDRA_BASE):
+            return hydra.compose("config", with_new_names(overrides))
+    finally:
+        GlobalHydra.instance().hydra = outer
+
+
+def known_settings(key: str = "") -> list[str]:
+    """The dotted names of settings and sections that a key may have been meant for, those of all tasks included."""
+    if key.startswith("search."):
+        classes = [SEARCHES.load(name) for name in SEARCHES.own]
+        return sorted({f"search.{entry.name}" for search in classes for entry in fields(search)})
+    if found := re.match(r"exports\.(\w+)", key):
+        settings = load("hopdiff.export.settings", "ExportSettings")
+        return [f"exports.{found.group(1)}.{entry.name}" for entry in fields(settings)]
+    return [*_in_files()]
+
+
+@cache
+def _in_files() -> dict[str, str]:
+    """Dotted names of all settings in the files of conf/, each with the task that it belongs to, if to one."""
+    found: dict[str, str] = {}
+    for name in _names(OmegaConf.to_container(compose()), ""):
+        found[name] = ""
+    for path in sorted((config_folder() / "task").glob("*.yaml")):
+        for name in _names(_read(path), ""):
+            found.setdefault(name, path.stem)
+    for group in ("model", "costs"):
+        for path in sorted((config_folder() / group).glob("*.yaml")):
+            content = _read(path)
+            inside = content if group in content else {group: content}
+            for name in _names(inside, ""):
+                found.setdefault(name, "")
+    return found
+
+
+def task_of(key: str) -> str | None:
+    """The task that a setting belongs to, if it belongs to one alone that is not chosen by default."""
+    return _in_files().get(key) or None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    return {name: value for name, value in (content or {}).items() if name != "defaults"}
+
+
+def _names(node: Any, prefix: str) -> Iterator[str]:
+    if isinstance(node, Mapping):
+        for key in node:
+            yield f"{prefix}{key}"
+            yield from _names(node[key], f"{prefix}{key}.")

@@ -1,0 +1,26 @@
+"""What a format of exported files is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hopdiff.export.take import Take
+
+# Path, the motions that go into the file, and its settings (`hopdiff.export.settings.ExportSettings`).
+Writer = Callable[[Path, Sequence[Take], Any], None]
+
+
+@dataclass(frozen=True)
+class Format:
+    """suffix: of its files, with the dot. write: see `Writer`. together: whether a file holds several motions;
+    otherwise it is given one. check: raises HopdiffError where these settings cannot be had on this machine, before
+    any motion is made.
+    """
+
+    suffix: str
+    write: Writer
+    together: bool = False
+    check: Callable[[Any], object] | None = None

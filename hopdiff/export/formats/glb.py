@@ -1,0 +1,8 @@
+"""Binary glTF."""
+
+from __future__ import annotations
+
+from hopdiff.export.format import Format
+from hopdiff.export.glb import write_glb
+
+FORMAT = Format(".glb", lambda path, takes, _: write_glb(path, takes), together=True)

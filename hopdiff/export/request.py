@@ -1,0 +1,30 @@
+"""What is to be written for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from hopdiff.export.retarget import Target, read_target
+from hopdiff.export.settings import ExportSettings, RetargetSettings
+from hopdiff.export.write import different
+
+
+@dataclass(frozen=True)
+class Exports:
+    """What is to be written, checked. files: settings by name. target: body for the motions, if not their own."""
+
+    files: Mapping[str, ExportSettings] = field(default_factory=dict)
+    target: Target | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.files) or self.target is not None
+
+    @classmethod
+    def build(cls, files: Mapping[str, ExportSettings], retarget: RetargetSettings) -> Exports:
+        """Raises HopdiffError, naming setting or file, for what cannot be, before any motion is made."""
+        for name, settings in files.items():
+            settings.check(name)
+        different([settings.file_name(name) for name, settings in files.items()])
+        target = None if retarget.skeleton is None else read_target(retarget.skeleton, retarget.names)
+        return cls(files, target)
