@@ -13,9 +13,11 @@ import hydra
 import yaml
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.plugins import Plugins
 from omegaconf import DictConfig, OmegaConf
 
 from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, config_folder, load, loaded
+from hopdiff.extras import missing_extras
 from hopdiff.types import HopdiffError
 
 # What settings begin with that need not be there before they are set.
@@ -48,6 +50,11 @@ def register_choices() -> None:
     Raises HopdiffError if a character or task of another package cannot be loaded.
     """
     store = ConfigStore.instance()
+    OmegaConf.register_new_resolver("missing_extras", missing_extras, replace=True)  # of the page of --help
+    Plugins.instance()
+    for path in (config_folder() / "hydra" / "launcher").glob("*.yaml"):
+        # Launchers bring settings of their own by these names. Hydra would hold our files against them, and warn.
+        store.repo["hydra"].get("launcher", {}).pop(path.name, None)
     for name in SEARCHES.brought:
         store.store(group="search", name=name, node={"name": name})
     for name in FORMATS.brought:

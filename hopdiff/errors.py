@@ -16,6 +16,7 @@ from omegaconf.errors import (
 from yaml import MarkedYAMLError
 
 from hopdiff.composing import known_settings, task_of
+from hopdiff.extras import of_launcher
 from hopdiff.messages import near, one_line, unknown
 from hopdiff.types import HopdiffError
 
@@ -49,6 +50,10 @@ def _sentence(error: BaseException) -> str | None:
             return f"{where}: not YAML ({error.problem})."
         case OSError() if error.filename is not None:
             return f"The run folder (hydra.run.dir) cannot be written: {error.filename}: {error.strerror}."
+        case RuntimeError() if (said := of_launcher(str(error))) is not None:
+            return said
+        case ConnectionError() if "Ray" in str(error):
+            return f"hydra/launcher=ray_cluster: {one_line(error).rstrip('.')}."
         case ValueError() if isinstance(error.__cause__, OSError):  # the log file in the run folder
             return sentence(error.__cause__)
     return f"{one_line(error)}." if _raised_abroad(error) else None
