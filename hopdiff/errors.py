@@ -54,6 +54,9 @@ def _sentence(error: BaseException) -> str | None:
             return said
         case ConnectionError() if "Ray" in str(error):
             return f"hydra/launcher=ray_cluster: {one_line(error).rstrip('.')}."
+        case _ if type(error).__module__ == "ray.exceptions":
+            again = "The same command with the same hydra.sweep.dir makes what is missing."
+            return f"hydra/launcher=ray: {one_line(error).rstrip('.')}. {again}"
         case ValueError() if isinstance(error.__cause__, OSError):  # the log file in the run folder
             return sentence(error.__cause__)
     return f"{one_line(error)}." if _raised_abroad(error) else None

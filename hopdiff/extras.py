@@ -26,9 +26,7 @@ EXTRAS = {
 
 def missing_extras() -> str:
     """A paragraph for --help with how to get what is missing; nothing where nothing is."""
-    lines = [
-        f"  {install(name):<38} {extra.use}" for name, extra in EXTRAS.items() if not _is_installed(extra.package)
-    ]
+    lines = [f"  {install(name):<38} {extra.use}" for name, extra in EXTRAS.items() if not _is_installed(extra.package)]
     return "\n".join(["\n\nNot installed here", *lines]) if lines else ""
 
 
