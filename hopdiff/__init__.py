@@ -6,6 +6,9 @@ results              a folder of runs as one table
 optimise             any search on any problem; Search, Problem, Eval and Budget are the contract
 Term                 a row of the objective, for generate(costs=[...])
 HopdiffError         what is raised for whatever the user can put right
+
+All names here are public; units are SI and radians unless a name ends in _deg or _bw. From the command line:
+python -m hopdiff --help. Guides, every setting and file format: docs/.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from hopdiff.channels import ELBOWS, HIPS, KNEES, NECK, PELVIS, SHOULDERS, SIDES, TRUNK, Turn
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.proportions import ProportionSettings, factors_of, grow
@@ -207,43 +208,30 @@ class Character:
         (foot to the left), *_knee; *_shoulder (forward), *_abduction (outward), *_inward (turn of the upper arm
         about its own axis, forearm to the inside), *_elbow.
         """
-        pelvis = (
-            axis_rotation("Y", channels["pelvis_yaw"])
-            @ axis_rotation("Z", channels["pelvis_roll"])
-            @ axis_rotation("X", channels["pelvis_tilt"])
-        )
-        trunk = (
-            axis_rotation("Y", channels["trunk_yaw"])
-            @ axis_rotation("Z", channels["trunk_side"])
-            @ axis_rotation("X", channels["trunk_lean"])
-        )
+        pelvis, trunk = _turned(channels, PELVIS), _turned(channels, TRUNK)
         to_pelvis = pelvis.transpose(-1, -2)
-        parts = {
-            "pelvis": pelvis,
-            "waist": to_pelvis @ trunk,
-            "neck": axis_rotation("Y", -channels["trunk_yaw"])
-            @ axis_rotation("Z", channels["neck_side"])
-            @ axis_rotation("X", channels["neck_flex"]),
-        }
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            parts[f"{side}_shoulder"] = (
-                axis_rotation("Z", sign * channels[f"{side}_abduction"])
-                @ axis_rotation("X", -channels[f"{side}_shoulder"])
-                @ axis_rotation("Y", -sign * channels[f"{side}_inward"])
-            )
-            parts[f"{side}_elbow"] = axis_rotation("X", -channels[f"{side}_elbow"])
-            parts[f"{side}_hip"] = (
-                to_pelvis
-                @ axis_rotation("Z", channels[f"{side}_tilt"])
-                @ axis_rotation("X", -channels[f"{side}_thigh"])
-            )
-            parts[f"{side}_knee"] = axis_rotation("X", channels[f"{side}_knee"])
+        parts = {"pelvis": pelvis, "waist": to_pelvis @ trunk, "neck": _turned(channels, NECK)}
+        for side in SIDES:
+            parts[f"{side}_shoulder"] = _turned(channels, SHOULDERS[side])
+            parts[f"{side}_elbow"] = _turned(channels, ELBOWS[side])
+            parts[f"{side}_hip"] = _turned(channels, HIPS[side], to_pelvis)
+            parts[f"{side}_knee"] = _turned(channels, KNEES[side])
         return torch.stack([parts[name] for name in self.skeleton.names], dim=-3)
 
     def centre_of_mass(self, positions: Tensor, orientations: Tensor) -> Tensor:
         """(..., 3) centre of mass [m], Kang (1999) equation (8), from what forward kinematics gave."""
         centres = positions + (orientations @ self.coms.to(orientations).unsqueeze(-1)).squeeze(-1)
         return (centres * (self.masses / self.mass).unsqueeze(-1)).sum(-2)
+
+
+def _turned(channels: dict[str, Tensor], turns: tuple[Turn, ...], inside: Tensor | None = None) -> Tensor:
+    """Rotations (..., 3, 3): `inside` and then one turn after the other."""
+    found = inside
+    for turn in turns:
+        step = axis_rotation(turn.axis, turn.angle(channels))
+        found = step if found is None else found @ step
+    assert found is not None
+    return found
 
 
 def _standing_height(skeleton: Skeleton) -> float:

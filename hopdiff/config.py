@@ -20,7 +20,7 @@ from hopdiff.costs import CostSettings
 from hopdiff.effort.problem import BodyProblem
 from hopdiff.effort.settings import EffortSettings
 from hopdiff.export.settings import ExportSettings, RetargetSettings
-from hopdiff.genes import GeneSettings, GeneTable
+from hopdiff.genes import GeneSettings, GeneTable, senses
 from hopdiff.job import Job, threads
 from hopdiff.messages import choose, near, one_line
 from hopdiff.models.limp import LimpSettings
@@ -29,7 +29,6 @@ from hopdiff.problem import RunProblem
 from hopdiff.search.base import Search
 from hopdiff.search.loop import Budget
 from hopdiff.types import HopdiffError
-from hopdiff.whole_body.genes import BODY_GENES
 from hopdiff.whole_body.model import BodyModel
 
 DTYPES = {"float32": torch.float32, "float64": torch.float64}
@@ -170,7 +169,7 @@ def build_job(config: DictConfig, search: Search | None = None, terms: Sequence[
     character = Character.build(settings.character, dtype, device)
     limping = settings.limp.amount > 0
     model = build_model(settings.model, character, settings.limp)
-    known = BODY_GENES if isinstance(model, BodyModel) else None
+    known = senses("body") if isinstance(model, BodyModel) else None
     table = GeneTable.build(settings.genes, character.leg_length, settings.speed, dtype, device, limping, known)
     chosen, budget = search or build_search(settings.search), Budget(**vars(settings.budget))
     plain = plain_settings(config)

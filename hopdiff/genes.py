@@ -10,13 +10,16 @@ adds the genes of the lame leg.
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, NamedTuple
 
 import torch
+import yaml
 from torch import Tensor
 
+from hopdiff.doors import config_folder
 from hopdiff.messages import near
 from hopdiff.numerics import GRAVITY
 from hopdiff.types import HopdiffError
@@ -24,7 +27,7 @@ from hopdiff.types import HopdiffError
 
 @dataclass
 class GeneSettings:
-    """name: of the table. genes: gene name -> {unit, low, high, ordinary}.
+    """name: of the table. genes: gene name -> {sense, unit, low, high, ordinary}; sense: see `senses`.
 
     common_eta: all joints and axes answer the balance error with one gain, the gene `eta`. fixed: gene name -> the one
     value it has, in the unit of the table.
@@ -44,60 +47,30 @@ _UNITS: dict[str, Callable[[float], float]] = {
     "pace": lambda leg: math.sqrt(leg / GRAVITY),
 }
 
-# Names the model reads, and the open interval outside of which it makes no sense.
-KNOWN_GENES: dict[str, tuple[float, float]] = {
-    "touchdown_angle": (0.0, 90.0),
-    "duty_factor": (0.0, 0.5),
-    "leg_extension": (0.5, 0.9951),
-    "step_width": (-1.0, 1.0),
-    "swing_reach": (0.0, 120.0),
-    "swing_angle_start": (-120.0, 60.0),
-    "swing_knee_start": (0.0, 180.0),
-    "swing_knee_middle": (0.0, 180.0),
-    "swing_clearance_end": (-0.01, 0.9),
-    "com_lead": (-1.0, 1.0),
-    "pelvis_tilt": (-90.0, 90.0),
-    "pelvis_roll": (-90.0, 90.0),
-    "pelvis_yaw": (-90.0, 90.0),
-    "trunk_yaw": (-90.0, 90.0),
-    "neck_flex": (-90.0, 90.0),
-    "arm_swing": (-180.0, 180.0),
-    "arm_offset": (-180.0, 180.0),
-    "arm_phase": (-180.0, 180.0),
-    "arm_abduction": (-90.0, 180.0),
-    "arm_inward": (-90.0, 180.0),
-    "elbow_flexion": (-1.0, 180.0),
-    "elbow_swing": (-180.0, 180.0),
-    "eta_trunk_lean": (-1e3, 1e3),
-    "eta_trunk_side": (-1e3, 1e3),
-    "eta_neck_flex": (-1e3, 1e3),
-    "eta_neck_side": (-1e3, 1e3),
-    "eta_shoulder": (-1e3, 1e3),
-    "eta_abduction": (-1e3, 1e3),
-    "eta_elbow": (-1e3, 1e3),
-}
-
 # Froude speeds that the tables describe: from a slow jog to a sprint. Beyond, the nearest values hold.
 FROUDE_RANGE = (0.4, 3.3)
 
-# One gain for all joints and axes, and the genes whose place it takes.
+# One gain for all joints and axes, which takes the place of the genes that begin so.
 ETA = "eta"
-ETAS = tuple(name for name in KNOWN_GENES if name.startswith("eta_"))
+ETAS_BEGIN = "eta_"
 
-# A lame leg may have its own value of these; `lame_ease` is how much softer than the other it comes down.
+# A lame leg may have its own value of genes, called so; `lame_ease` is how much softer than the other it comes down.
 LAME = "lame_"
-LAME_TWINS = (
-    "swing_reach",
-    "swing_angle_start",
-    "swing_knee_start",
-    "swing_knee_middle",
-    "swing_clearance_end",
-)
-_OPTIONAL = {
-    ETA: (-1e3, 1e3),
-    **{f"{LAME}{name}": KNOWN_GENES[name] for name in LAME_TWINS},
-    f"{LAME}ease": (-1.0, 1.0),
-}
+
+
+@cache
+def senses(table: str = "default") -> Mapping[str, tuple[float, float]]:
+    """The genes of one of our tables (conf/genes/), each with the open interval outside of which it makes no sense.
+
+    They are what a model reads: a table of the user's own has no others, and may not reach beyond them.
+    """
+    rows = yaml.safe_load((config_folder() / "genes" / f"{table}.yaml").read_text(encoding="utf-8"))["genes"]
+    return {name: (float(row["sense"][0]), float(row["sense"][1])) for name, row in rows.items()}
+
+
+def always_there(known: Iterable[str]) -> tuple[str, ...]:
+    """Those genes that every run has: all but the common gain and those of a lame leg."""
+    return tuple(name for name in known if name != ETA and not name.startswith(LAME))
 
 
 @dataclass(frozen=True)
@@ -119,7 +92,7 @@ class GeneTable:
     ordinary: Tensor
     scale: Tensor
     everyday: dict[str, Tensor] = field(default_factory=dict)
-    senses: Mapping[str, tuple[float, float]] = field(default_factory=lambda: {**KNOWN_GENES, **_OPTIONAL})
+    senses: Mapping[str, tuple[float, float]] = field(default_factory=senses)
 
     @classmethod
     def build(
@@ -145,17 +118,17 @@ class GeneTable:
         where = f"gene table {settings.name!r}"
         if known is not None and settings.common_eta:
             raise HopdiffError("genes.common_eta has no effect here: this model has no balance gains.")
-        senses = {**KNOWN_GENES, **_OPTIONAL} if known is None else dict(known)
-        needed = tuple(KNOWN_GENES) if known is None else tuple(known)
-        lame = [name for name in _OPTIONAL if name.startswith(LAME)] if limping and known is None else []
+        sense = senses() if known is None else known
+        needed = always_there(sense)
+        lame = [name for name in sense if name.startswith(LAME)] if limping and known is None else []
         for name in (*needed, *([ETA] if settings.common_eta else []), *lame):
             if name not in settings.genes:
                 raise HopdiffError(f"{where}: the gene {name!r} is missing.")
-        rows = {name: _row(name, entry, froude, where, senses) for name, entry in settings.genes.items()}
+        rows = {name: _row(name, entry, froude, where, sense) for name, entry in settings.genes.items()}
         names = [name for name in rows if known is not None or _wanted(name, settings.common_eta, limping)]
         everyday = {name: rows[name].ordinary * rows[name].scale(leg_length) for name in needed}
         for name, value in settings.fixed.items():
-            _check_fixed(name, value, names, rows, settings.common_eta, senses)
+            _check_fixed(name, value, names, rows, settings.common_eta, sense)
             rows[name] = _Row(rows[name].unit, value, value, value)
         table = [(row.low, row.high, row.ordinary, row.scale(leg_length)) for row in map(rows.__getitem__, names)]
         low, high, ordinary, scale = torch.tensor(table, dtype=torch.float64).to(device, dtype).T.contiguous()
@@ -168,7 +141,7 @@ class GeneTable:
             ordinary=ordinary,
             scale=scale,
             everyday={name: torch.tensor([value], dtype=dtype, device=device) for name, value in everyday.items()},
-            senses=senses,
+            senses=sense,
         )
 
     @property
@@ -194,7 +167,7 @@ class GeneTable:
         values = dict(zip(self.names, (self.to_physical(unit) * self.scale).unbind(-1), strict=True))
         if ETA in values:
             common = values.pop(ETA)
-            values |= dict.fromkeys(ETAS, common)
+            values |= dict.fromkeys((name for name in self.senses if name.startswith(ETAS_BEGIN)), common)
         return values
 
 
@@ -218,7 +191,7 @@ def _row(name: str, entry: Any, froude: float, where: str, senses: Mapping[str, 
         raise HopdiffError(f"{where}: gene {name!r} must be a table of unit, low, high and ordinary, not {entry!r}.")
     # Where everyday running is not known, but where a search begins, the entry is called so.
     usual = "start" if "start" in entry else "ordinary"
-    stray = [key for key in entry if key not in ("unit", "low", "high", usual)]
+    stray = [key for key in entry if key not in ("sense", "unit", "low", "high", usual)]
     if stray:
         raise HopdiffError(f"{where}: gene {name!r} has an unknown entry {stray[0]!r}.")
     unit = str(entry.get("unit"))
@@ -242,7 +215,7 @@ def _wanted(name: str, common_eta: bool, limping: bool) -> bool:
     """Whether an entry of the table is a gene of this run."""
     if name.startswith(LAME):
         return limping
-    return not (name in ETAS if common_eta else name == ETA)
+    return not (name.startswith(ETAS_BEGIN) if common_eta else name == ETA)
 
 
 def _check_fixed(
@@ -259,7 +232,7 @@ def _check_fixed(
         raise HopdiffError(f"{where}: there is no gene {name!r} in the gene table.{near(name, names)}")
     if name == ETA and not common_eta:
         raise HopdiffError(f"{where} needs genes.common_eta=true: otherwise every joint has a gain of its own.")
-    if name in ETAS and common_eta:
+    if name.startswith(ETAS_BEGIN) and common_eta:
         raise HopdiffError(f"{where} has no effect with genes.common_eta=true: fix genes.fixed.eta.")
     if name not in names:
         raise HopdiffError(f"{where} is a gene of the lame leg and needs limp.amount above 0.")

@@ -18,7 +18,8 @@ from hopdiff.tasks.results import write_record
 def perform(config: DictConfig, folder: Path, command: Sequence[str], resume: bool = False) -> bool:
     """Do the task of a config in a folder. command: the overrides typed by the user.
 
-    resume: a job of a sweep, which is skipped where its run is there already, whole. Returns whether the user broke it off. Raises HopdiffError for whatever the user can put right.
+    resume: a job of a sweep, which is skipped where its run is there already, whole. Returns whether the user broke
+    it off. Raises HopdiffError for whatever the user can put right.
     """
     name = str(config.task.name)
     task: Task = TASKS.load(name, "task.name")

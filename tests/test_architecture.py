@@ -18,6 +18,7 @@ FLOORS = {
     "hopdiff.doors": 0,
     "hopdiff.extras": 0,
     "hopdiff.objective": 0,
+    "hopdiff.channels": 0,
     "hopdiff.geometry": 1,
     "hopdiff.motion": 1,
     "hopdiff.physics": 1,

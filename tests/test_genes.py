@@ -12,12 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
-from hopdiff.genes import ETAS, KNOWN_GENES, GeneTable
+from hopdiff.genes import ETAS_BEGIN, GeneTable, always_there, senses
 from hopdiff.numerics import GRAVITY
 from hopdiff.physics.legs import flight_alpha
 from hopdiff.types import HopdiffError
 from tests.builders import make_character, settings_of
 
+KNOWN_GENES = {name: senses()[name] for name in always_there(senses())}
+ETAS = tuple(name for name in KNOWN_GENES if name.startswith(ETAS_BEGIN))
 LEG = make_character().leg_length
 
 

@@ -6,19 +6,18 @@ component. `Character.rotations` with `Skeleton.forward` gives the same points a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
+from hopdiff.channels import CHANGING, ELBOWS, HIPS, KNEES, NECK, PELVIS, SHOULDERS, SIDES, TRUNK, Turn
 from hopdiff.character import Character
 from hopdiff.physics.legs import knee_offset, leg_reach
 
 Vector = tuple[Any, Any, Any]  # left, up, forward: tensors, or floats for what is fixed in the body
-
-# Channels that change sign in the mirror image; the others are the same, with left and right swapped.
-_SIGNED = ("pelvis_roll", "pelvis_yaw", "trunk_side", "trunk_yaw", "neck_side", "left_tilt", "right_tilt")
 
 
 def upper_channels(
@@ -90,23 +89,22 @@ def _moments(character: Character) -> _Moments:
     return _Moments(*((float(v[0]), float(v[1]), float(v[2])) for v in vectors))
 
 
-class Turn(NamedTuple):
+class Angle(NamedTuple):
     """Cosine and sine of an angle, computed once and used for many vectors."""
 
     cos: Tensor
     sin: Tensor
 
     @classmethod
-    def of(cls, angle: Tensor) -> Turn:
+    def of(cls, angle: Tensor) -> Angle:
         return cls(torch.cos(angle), torch.sin(angle))
 
-    def about_left(self, v: Vector) -> Vector:
-        return v[0], self.cos * v[1] - self.sin * v[2], self.sin * v[1] + self.cos * v[2]
-
-    def about_up(self, v: Vector) -> Vector:
-        return self.cos * v[0] + self.sin * v[2], v[1], self.cos * v[2] - self.sin * v[0]
-
-    def about_forward(self, v: Vector) -> Vector:
+    def about(self, axis: str, v: Vector) -> Vector:
+        """A vector turned about one of the axes of `hopdiff.channels`."""
+        if axis == "X":
+            return v[0], self.cos * v[1] - self.sin * v[2], self.sin * v[1] + self.cos * v[2]
+        if axis == "Y":
+            return self.cos * v[0] + self.sin * v[2], v[1], self.cos * v[2] - self.sin * v[0]
         return self.cos * v[0] - self.sin * v[1], self.sin * v[0] + self.cos * v[1], v[2]
 
 
@@ -117,26 +115,25 @@ def _add(*vectors: Vector) -> Vector:
     return total
 
 
-def _attitude(channels: dict[str, Tensor], yaw: str, roll: str, tilt: str, v: Vector) -> Vector:
-    turns = Turn.of(channels[yaw]), Turn.of(channels[roll]), Turn.of(channels[tilt])
-    return turns[0].about_up(turns[1].about_forward(turns[2].about_left(v)))
+def _turned(channels: dict[str, Tensor], turns: Sequence[Turn], v: Vector) -> Vector:
+    """A vector of a joint's frame in the frame outside of its turns."""
+    angles = [Angle.of(turn.angle(channels)) for turn in turns]
+    for turn, angle in zip(reversed(turns), reversed(angles), strict=True):
+        v = angle.about(turn.axis, v)
+    return v
 
 
 def lower_centre(character: Character, channels: dict[str, Tensor]) -> Vector:
     """What pelvis, legs and the place of the waist add to the centre of mass, relative to HIP (P, M) each [m]."""
     m = _moments(character)
-    pelvis = _attitude(
-        channels,
-        "pelvis_yaw",
-        "pelvis_roll",
-        "pelvis_tilt",
-        (m.pelvis[0] + m.waist[0], m.pelvis[1] + m.waist[1], m.pelvis[2] + m.waist[2]),
-    )
-    total = pelvis
-    for side in ("left", "right"):
-        thigh = Turn.of(-channels[f"{side}_thigh"]).about_left(m.thigh)
-        shank = Turn.of(channels[f"{side}_knee"] - channels[f"{side}_thigh"]).about_left(m.shank)
-        total = _add(total, Turn.of(channels[f"{side}_tilt"]).about_forward(_add(thigh, shank)))
+    own = (m.pelvis[0] + m.waist[0], m.pelvis[1] + m.waist[1], m.pelvis[2] + m.waist[2])
+    total = _turned(channels, PELVIS, own)
+    for side in SIDES:
+        (tilt, hip), (knee,) = HIPS[side], KNEES[side]
+        upper = Angle.of(hip.angle(channels)).about(hip.axis, m.thigh)
+        # Hip and knee turn about one axis.
+        lower = Angle.of(knee.angle(channels) + hip.angle(channels)).about(knee.axis, m.shank)
+        total = _add(total, _turned(channels, (tilt,), _add(upper, lower)))
     # The hip joints mirror each other about HIP and carry equal legs: their own places cancel.
     return total
 
@@ -144,15 +141,11 @@ def lower_centre(character: Character, channels: dict[str, Tensor]) -> Vector:
 def upper_centre(character: Character, channels: dict[str, Tensor]) -> Vector:
     """What everything above the waist adds to the centre of mass, relative to the waist (P, M) each [m]."""
     m = _moments(character)
-    undo_yaw = Turn.of(-channels["trunk_yaw"])
-    neck = Turn.of(channels["neck_flex"]).about_left(m.neck)
-    total = _add(m.trunk, undo_yaw.about_up(Turn.of(channels["neck_side"]).about_forward(neck)))
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        forearm = Turn.of(-channels[f"{side}_elbow"]).about_left(m.forearm)
-        arm = Turn.of(-sign * channels[f"{side}_inward"]).about_up(_add(m.upper_arm, forearm))
-        arm = Turn.of(-channels[f"{side}_shoulder"]).about_left(arm)
-        total = _add(total, Turn.of(sign * channels[f"{side}_abduction"]).about_forward(arm))
-    return _attitude(channels, "trunk_yaw", "trunk_side", "trunk_lean", total)
+    total = _add(m.trunk, _turned(channels, NECK, m.neck))
+    for side in SIDES:
+        forearm = _turned(channels, ELBOWS[side], m.forearm)
+        total = _add(total, _turned(channels, SHOULDERS[side], _add(m.upper_arm, forearm)))
+    return _turned(channels, TRUNK, total)
 
 
 def sway_sensitivity(character: Character, genes: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
@@ -176,7 +169,7 @@ def sway_sensitivity(character: Character, genes: dict[str, Tensor]) -> tuple[Te
 def hip_joint(character: Character, channels: dict[str, Tensor], side: str) -> Vector:
     """Hip joint of one side relative to HIP, the middle between both (P, M) each [m]."""
     half = character.hip_half_width if side == "left" else -character.hip_half_width
-    roll, yaw = Turn.of(channels["pelvis_roll"]), Turn.of(channels["pelvis_yaw"])
+    roll, yaw = Angle.of(channels["pelvis_roll"]), Angle.of(channels["pelvis_yaw"])
     return half * roll.cos * yaw.cos, half * roll.sin, -half * roll.cos * yaw.sin
 
 
@@ -197,6 +190,6 @@ def mirror(channels: dict[str, Tensor], where: Tensor) -> dict[str, Tensor]:
             twin = "right_" + name[5:]
         elif name.startswith("right_"):
             twin = "left_" + name[6:]
-        other = -channels[twin] if name in _SIGNED else channels[twin]
+        other = -channels[twin] if name in CHANGING else channels[twin]
         mirrored[name] = torch.where(where, other, channels[name])
     return mirrored
