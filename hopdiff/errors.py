@@ -21,6 +21,7 @@ from hopdiff.messages import near, one_line, unknown
 from hopdiff.types import HopdiffError
 
 _KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false", "String": "a text"}
+_LAUNCHERS = {"ray": "ray", "submitit": "slurm"}  # that raise errors of their own, by package
 _FOREIGN = ("/hydra/", "/omegaconf/", "/yaml/", "/antlr4/")
 
 
@@ -54,9 +55,9 @@ def _sentence(error: BaseException) -> str | None:
             return said
         case ConnectionError() if "Ray" in str(error):
             return f"hydra/launcher=ray_cluster: {one_line(error).rstrip('.')}."
-        case _ if type(error).__module__ == "ray.exceptions":
+        case _ if (launcher := _LAUNCHERS.get(type(error).__module__.partition(".")[0])) is not None:
             again = "The same command with the same hydra.sweep.dir makes what is missing."
-            return f"hydra/launcher=ray: {one_line(error).rstrip('.')}. {again}"
+            return f"hydra/launcher={launcher}: {one_line(error).rstrip('.')}. {again}"
         case ValueError() if isinstance(error.__cause__, OSError):  # the log file in the run folder
             return sentence(error.__cause__)
     return f"{one_line(error)}." if _raised_abroad(error) else None

@@ -16,9 +16,8 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-ray = pytest.importorskip("ray")
 pytest.importorskip("hydra_plugins.hydra_ray_launcher")
-pytestmark = pytest.mark.cluster
+pytestmark = [pytest.mark.cluster, pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")]
 
 ROOT = Path(__file__).resolve().parents[2]
 HOST = "127.0.0.2"  # Ray turns 127.0.0.1 into the address of the network, but leaves this one alone
