@@ -45,9 +45,9 @@ def main() -> int:
         print("hopdiff: interrupted.", file=sys.stderr)
         return INTERRUPTED
     except _Failed as failed:
-        return _report(failed.__cause__, wish == "1")
+        return _report(failed.__cause__, failed.args[0], wish == "1")
     except Exception as error:
-        return _report(error, wish == "1")
+        return _report(error, sentence(error), wish == "1")
     finally:
         if wish is None:
             del os.environ["HYDRA_FULL_ERROR"]
@@ -68,9 +68,10 @@ def job(config: DictConfig) -> None:
         _remove_if_empty(folder)
         if not isinstance(error, Exception):
             raise
+        said = sentence(error)  # here, where Hydra still knows which files were chosen
         if not sweep:
-            raise _Failed from error
-        if (said := sentence(error)) is None:
+            raise _Failed(said) from error
+        if said is None:
             raise
         settings: Any = OmegaConf.to_container(config, resolve=True)
         if not isinstance(error, RefusedError):
@@ -99,9 +100,8 @@ def _sigterm_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _report(error: BaseException | None, trace: bool) -> int:
+def _report(error: BaseException | None, said: str | None, trace: bool) -> int:
     assert error is not None
-    said = sentence(error)
     if trace or said is None:
         raise error from error.__cause__
     print(f"hopdiff: {as_typed(said)}", file=sys.stderr)

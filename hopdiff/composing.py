@@ -13,16 +13,25 @@ import hydra
 import yaml
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import BooleanNode, DictConfig, FloatNode, IntegerNode, OmegaConf
 
 from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, config_folder, load, loaded
 from hopdiff.extras import missing_extras
+from hopdiff.messages import typed_names
 from hopdiff.types import HopdiffError
 
 # What settings begin with that need not be there before they are set.
 NEW = ("search.", "costs.", "exports.", "genes.fixed.", "genes.fixed=", "edit.joints.", "edit.joints=")
 MARK = "++"
+
+# Shared settings that are one number or word: 3 becomes 3.0 where that is meant, in names of folders too.
+KINDS: dict[str, type] = {
+    **dict.fromkeys(("speed", "beta", "fps"), FloatNode),
+    **dict.fromkeys(("seed", "threads"), IntegerNode),
+    **dict.fromkeys(("pictures", "overwrite"), BooleanNode),
+}
 
 # Hydra 1.4 drops the argument that 1.3 asks for.
 HYDRA_BASE: dict[str, Any] = {"version_base": None} if hydra.__version__ < "1.4" else {}
@@ -45,11 +54,12 @@ def as_typed(text: str) -> str:
 
 @cache
 def register_choices() -> None:
-    """Tell Hydra what installed packages bring, so that it can be chosen like a file of conf/.
+    """Tell Hydra of what kind the shared settings are, and what installed packages bring, to be chosen like our files.
 
     Raises HopdiffError if a character or task of another package cannot be loaded.
     """
     store = ConfigStore.instance()
+    store.store(name="schema", node=OmegaConf.create({name: kind("???") for name, kind in KINDS.items()}))
     OmegaConf.register_new_resolver("missing_extras", missing_extras, replace=True)  # of the page of --help
     Plugins.instance()
     for path in (config_folder() / "hydra" / "launcher").glob("*.yaml"):
@@ -126,3 +136,33 @@ def _names(node: Any, prefix: str) -> Iterator[str]:
         for key in node:
             yield f"{prefix}{key}"
             yield from _names(node[key], f"{prefix}{key}.")
+
+
+def own_file(words: Sequence[str]) -> str | None:
+    """The file of the user's own, among those chosen for the run under way, that sets one of these dotted names.
+
+    None if no such file does, or if the name was typed on the command line, which then is at fault.
+    """
+    if not HydraConfig.initialized():
+        return None
+    runtime, overrides = HydraConfig.get().runtime, HydraConfig.get().overrides.task
+    typed = set(typed_names(list(overrides)))
+    folders = [Path(one.path) for one in runtime.config_sources if one.schema == "file"]
+    for folder in folders:
+        if folder.resolve() == config_folder():
+            continue
+        for group, chosen in runtime.choices.items():
+            for name in [chosen] if isinstance(chosen, str) else list(chosen or []):
+                path = folder / group / f"{name}.yaml"
+                if path.is_file() and ((_set_in(path, group) - typed) & set(words)):
+                    return f"{group}/{name}.yaml"
+    return None
+
+
+def _set_in(path: Path, group: str) -> set[str]:
+    """The dotted names that a file sets."""
+    text = path.read_text(encoding="utf-8")
+    package = re.match(r"\s*#\s*@package\s+(\S+)", text)
+    inside = group.replace("/", ".") if package is None else package.group(1)
+    content: Any = _read(path)
+    return set(_names(content, "" if inside == "_global_" else f"{inside}."))

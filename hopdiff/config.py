@@ -23,6 +23,7 @@ from hopdiff.export.settings import ExportSettings, RetargetSettings
 from hopdiff.genes import GeneSettings, GeneTable, senses
 from hopdiff.job import Job, threads
 from hopdiff.messages import choose, near, one_line
+from hopdiff.models import MODELS
 from hopdiff.models.limp import LimpSettings
 from hopdiff.objective import Term
 from hopdiff.problem import RunProblem
@@ -72,6 +73,7 @@ class Config:
     threads: int
     fps: float
     pictures: bool
+    animation: str
     overwrite: bool
     budget: BudgetSettings
     task: TaskSettings
@@ -141,7 +143,13 @@ def with_saved(config: DictConfig, saved: Mapping[str, Any], typed_names: Sequen
     whole, a single setting ("model.step") only itself. Raises HopdiffError if the file's settings do not fit.
     """
     plain: Any = OmegaConf.to_container(config, resolve=True)
+    own = dict(plain)
     plain |= {name: saved[name] for name in SAVED if name in saved and name not in typed_names}
+    for name in ("character", "genes", "limp"):
+        if isinstance(plain[name], Mapping):
+            plain[name] = {**own[name], **plain[name]}  # what older files do not have yet
+    if "model" in saved and "model" not in typed_names:
+        plain["model"] = _model_of(saved["model"], own["model"])
     result = OmegaConf.create(plain)
     try:
         typed(result, Config)
@@ -155,6 +163,16 @@ def with_saved(config: DictConfig, saved: Mapping[str, Any], typed_names: Sequen
         if name.split(".")[0] in SAVED and "." in name:
             OmegaConf.update(result, name, OmegaConf.select(config, name), force_add=True)
     return result
+
+
+def _model_of(saved: Any, own: Mapping[str, Any]) -> Any:
+    """The saved settings of a model; older files hold those of all models."""
+    if not isinstance(saved, Mapping):
+        return saved
+    name = saved.get("name", own["name"])
+    others = {entry.name for schema in MODELS.values() for entry in fields(schema)}
+    mine = {entry.name for entry in fields(MODELS[name])} if name in MODELS else set()
+    return {"name": name, **{key: value for key, value in saved.items() if key in mine or key not in others}}
 
 
 def build_job(config: DictConfig, search: Search | None = None, terms: Sequence[Term] = ()) -> Job:
@@ -219,16 +237,20 @@ def build_character(config: DictConfig) -> Character:
 
 def check_numbers(settings: Config) -> None:
     """Raises HopdiffError if a top-level number is out of its range."""
-    if not (math.isfinite(settings.speed) and 0 < settings.speed <= MAX_SPEED):
-        raise HopdiffError(f"speed must be above 0 and at most {MAX_SPEED:g} m/s, not {told(settings.speed)}.")
+    if not (math.isfinite(settings.speed) and settings.speed > 0):
+        raise HopdiffError(f"speed must be a number above 0 [m/s], not {told(settings.speed)}.")
+    if settings.speed > MAX_SPEED:
+        raise HopdiffError(f"speed must be at most {MAX_SPEED:g} m/s, not {told(settings.speed)}.")
     if not 0 <= settings.beta < 1:
         raise HopdiffError(f"beta must be at least 0 and below 1, not {told(settings.beta)}.")
     if not 0 < settings.fps <= MAX_FPS:
         raise HopdiffError(f"fps must be above 0 and at most {MAX_FPS:g} frames/s, not {told(settings.fps)}.")
     if not 0 <= settings.seed < 2**63:
         raise HopdiffError(f"seed must be a whole number from 0 to 2^63 - 1, not {told(settings.seed)}.")
-    if not 1 <= settings.threads <= MAX_THREADS:
-        raise HopdiffError(f"threads must be from 1 to {MAX_THREADS}, not {told(settings.threads)}.")
+    if settings.threads < 1:
+        raise HopdiffError(f"threads must be at least 1, not {told(settings.threads)}.")
+    if settings.threads > MAX_THREADS:
+        raise HopdiffError(f"threads must be at most {MAX_THREADS}, not {told(settings.threads)}.")
 
 
 def told(number: float) -> str:

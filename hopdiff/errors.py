@@ -15,7 +15,7 @@ from omegaconf.errors import (
 )
 from yaml import MarkedYAMLError
 
-from hopdiff.composing import known_settings, task_of
+from hopdiff.composing import known_settings, own_file, task_of
 from hopdiff.extras import of_launcher
 from hopdiff.messages import near, one_line, unknown
 from hopdiff.types import HopdiffError
@@ -26,9 +26,16 @@ _FOREIGN = ("/hydra/", "/omegaconf/", "/yaml/", "/antlr4/")
 
 
 def sentence(error: BaseException) -> str | None:
-    """What the user should read, or None if the error is none of theirs. Endless digits are cut short."""
+    """What the user should read, or None if the error is none of theirs.
+
+    Endless digits are cut short, and a mistake in a file of the user's own is told with the file's name.
+    """
     said = _sentence(error)
-    return None if said is None else re.sub(r"\d{41,}", lambda digits: f"{digits[0][:12]}... (many digits)", said)
+    if said is None:
+        return None
+    said = re.sub(r"\d{41,}", lambda digits: f"{digits[0][:12]}... (many digits)", said)
+    file = None if re.match(r"\S+\.yaml\b", said) else own_file(re.findall(r"[A-Za-z_][\w.]*", said))
+    return said if file is None else f"{file}: {said}"
 
 
 def _sentence(error: BaseException) -> str | None:
@@ -113,7 +120,7 @@ def _setting(error: OmegaConfBaseException, key: str, text: str) -> str:
         return f"{key}: {one_line(error)}."
     if found := re.search(r"Value '(.*)' of type '.*' could not be converted to (\w+)", text):
         return f"{key} must be {_KINDS.get(found.group(2), found.group(2))}, not {found.group(1)!r}."
-    if "is not Optional" in text:
+    if "is not Optional" in text or text.startswith("Incompatible value 'None'"):
         return f"{key} needs a value, not null."
     if "Missing mandatory value" in text:
         return f"{key} needs a value."

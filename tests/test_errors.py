@@ -172,13 +172,18 @@ def test_a_broken_genes_file(
     assert [path.name for path in tmp_path.iterdir()] == ["genes.json"]
 
 
-def test_no_valid_candidate_leaves_no_files(
+def test_no_valid_candidate_is_told_in_the_folder(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     arguments = ("costs.limits.leg_force_bw=0.1", "search=random", "search.population=8", "budget.evaluations=16")
     assert run_main(monkeypatch, "model=smooth", *arguments) == 1
-    assert "None of the 16 candidates tried is a possible run" in only_sentence(capsys)
-    assert list(tmp_path.iterdir()) == []
+    said = only_sentence(capsys)
+    assert "None of the 16 candidates tried is a possible run" in said
+    (status,) = tmp_path.rglob("status.json")
+    told = json.loads(status.read_text())
+    assert (told["status"], f"hopdiff: {told['sentence']}\n") == ("failed", said)
+    assert not list(tmp_path.rglob("metrics.json"))
+    assert not list(tmp_path.rglob("motion*"))
 
 
 def test_the_whole_trace_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -190,10 +195,10 @@ def test_the_whole_trace_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_an_error_of_hopdiff_itself_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setattr("hopdiff.cli.perform", broken)
+    monkeypatch.setattr("hopdiff.perform.perform", broken)
     with pytest.raises(ZeroDivisionError):
         run_main(monkeypatch)
 
@@ -202,9 +207,11 @@ def test_a_failing_job_of_a_sweep_is_named_and_the_others_finish(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setattr("hopdiff.tasks.results.write_pictures", lambda *_: {})
-    monkeypatch.setattr("hopdiff.tasks.results.write_gif", lambda *_: None)
+    monkeypatch.setattr("hopdiff.tasks.results.write_moving", lambda *_: None)
     tiny = ("model=smooth", "search=random", "search.population=16", "budget.evaluations=32")
-    assert run_main(monkeypatch, "-m", "speed=-1,4", "hydra.sweep.dir=sweep", *tiny) == 1
+    with pytest.raises(SystemExit) as done:
+        run_main(monkeypatch, "-m", "speed=-1,4", "hydra.sweep.dir=sweep", *tiny)
+    assert done.value.code == 1
     err = capsys.readouterr().err
     assert "job 0 (speed=-1" in err
     assert "speed must be a number above 0" in err

@@ -17,6 +17,7 @@ from hopdiff.io.files import read_text, write_whole
 from hopdiff.messages import near
 from hopdiff.types import HopdiffError
 
+VERSION = 1  # of the file's layout; files without one are older, and of the same layout
 # How far outside its range a value may lie, relative to the range's ends: rounding, no more.
 SLACK = 1e-6
 
@@ -33,14 +34,14 @@ class GenesFile:
 def write_genes(path: Path, settings: Mapping[str, Any], genes: Mapping[str, float], units: Sequence[str]) -> None:
     """Write genes in the units of their table, in its order."""
     entries = {name: {"value": value, "unit": unit} for (name, value), unit in zip(genes.items(), units, strict=True)}
-    write_whole(path, json.dumps({"settings": dict(settings), "genes": entries}, indent=2) + "\n")
+    write_whole(path, json.dumps({"version": VERSION, "settings": dict(settings), "genes": entries}, indent=2) + "\n")
 
 
 def read_genes(path: Path) -> GenesFile:
     """Read a genes file.
 
-    Raises HopdiffError if it cannot be read, is not JSON, has another layout, repeats a gene, or holds a value that
-    is not a finite number.
+    Raises HopdiffError if it cannot be read, is not JSON, has another layout or a later version, repeats a gene, or
+    holds a value that is not a finite number.
     """
     where = f"genes_file {str(path)!r}"
     try:
@@ -53,6 +54,9 @@ def read_genes(path: Path) -> GenesFile:
         raise HopdiffError(f"{where} is nested too deeply to be a genes file.") from error
     if not isinstance(content, dict) or not isinstance(content.get("genes"), dict):
         raise HopdiffError(f'{where} lacks its table of genes: {{"genes": {{name: {{"value": ..., "unit": ...}}}}}}.')
+    version = content.get("version", VERSION)
+    if isinstance(version, bool) or not isinstance(version, int) or not 1 <= version <= VERSION:
+        raise HopdiffError(f"{where} has version {version!r}: this hopdiff reads versions up to {VERSION}.")
     settings = content.get("settings", {})
     if not isinstance(settings, dict):
         raise HopdiffError(f"{where}: its settings must be a table of names and values.")

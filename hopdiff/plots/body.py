@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.spatial import ConvexHull
 
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.plots.joints import points_of, side_of
+from hopdiff.plots.shapes import capsule, circle, ellipse, hull
+from hopdiff.plots.shapes import foot as outline_of_foot
 from hopdiff.plots.view import Array, Camera
 from hopdiff.whole_body.skeleton import BALL, HEEL
 
@@ -23,6 +25,9 @@ _HEAD_WIDTH = 0.8  # of the head's height
 _WAIST = 0.3  # how much wider than thick it is where no limbs grow from it
 _RIBS = (0.5, 0.85)  # of the way from its spine to the root of a limb, and of its thickness there
 _ROOT = 0.85  # of that way its outermost part, as thick as the limb
+_SOLE = 0.72  # half its thickness, in that of the leg at the ball of the foot
+_IN_LINE = 0.1  # sine of the angle between shank and foot, below which they lie in one line
+_COLLAR = "_collar"
 _SIGN = {"left": 1.0, "right": -1.0}
 _DEPTH = {"far arm": 0, "far leg": 1, "middle trunk": 2, "middle head": 3, "near leg": 4, "near arm": 5}
 
@@ -42,6 +47,41 @@ class _Bone:
     side: str
     kind: str
     radii: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class _Foot:
+    """A foot by its nodes; hips: left and right. along, across: how far the heel is from the ankle along the line to
+    the toe joint and, in the plane of shank and foot, across it [m]."""
+
+    hips: tuple[int, int]
+    knee: int
+    ankle: int
+    toe: int
+    tip: int
+    along: float
+    across: float
+
+    def left(self, points: Array) -> Array:
+        """(3,) the unit step to the left of the foot in a pose."""
+        shank, forward = points[self.knee] - points[self.ankle], self._forward(points)
+        across = points[self.hips[0]] - points[self.hips[1]]
+        left = np.cross(shank, forward)
+        # Where shank and foot lie in one line they tell nothing; beyond it they would turn the foot over.
+        if np.linalg.norm(left) < _IN_LINE * np.linalg.norm(shank):
+            left = across - (across @ forward) * forward
+        left = left if left @ across >= 0.0 else -left
+        return np.asarray(left / max(float(np.linalg.norm(left)), 1e-9))
+
+    def heel(self, points: Array) -> Array:
+        """(3,) where the heel is in a pose [m]."""
+        forward = self._forward(points)
+        down = np.cross(self.left(points), forward)
+        return np.asarray(points[self.ankle] + self.along * forward + self.across * down)
+
+    def _forward(self, points: Array) -> Array:
+        forward = points[self.toe] - points[self.ankle]
+        return np.asarray(forward / max(float(np.linalg.norm(forward)), 1e-9))
 
 
 @dataclass(frozen=True)
@@ -69,7 +109,7 @@ class Body:
         self._bones = sorted(bones, key=lambda bone: _DEPTH[f"{_layer(bone.side)} {bone.kind}"])
         self._sides = [side_of(name) for name in (*self.joint_names, *self.end_names)]
         self._girths = _girths(skeleton, bones)
-        self._heels = _heels(skeleton)
+        self._feet = _feet(skeleton)
 
     def points(self, clip: Clip) -> Array:
         """(T, J + E, 3) world positions of the joints and, after them, the end sites [m]."""
@@ -82,28 +122,27 @@ class Body:
         """
         if camera is not None:
             return self._seen(points, camera)
-        flat = points[:, [2, 1]]
         parts = []
         for bone in self._bones:
-            start, end = flat[bone.start], flat[bone.end]
             if bone.kind == "head":
-                parts += _head(flat, bone)
-            else:
-                heel = self._heel(points, bone.end)
-                outline = capsule(start, end, *bone.radii) if heel is None else _foot(start, heel[[2, 1]], end, bone)
-                parts.append(Part(bone.side, outline))
+                parts += _head(_from_the_right(points), bone)
+            elif bone.start not in self._feet:
+                parts.append(Part(bone.side, self._outline(points, bone, _from_the_right)))
         return parts
 
-    def _heel(self, points: Array, toe: int) -> Array | None:
-        """Where the heel is (3,) of the foot that ends at a toe joint; None where the skeleton has no such foot."""
-        if toe not in self._heels:
-            return None
-        knee, ankle, along, across = self._heels[toe]
-        forward = points[toe] - points[ankle]
-        forward = forward / max(float(np.linalg.norm(forward)), 1e-9)
-        left = np.cross(points[knee] - points[ankle], forward)
-        down = np.cross(left / max(float(np.linalg.norm(left)), 1e-9), forward)
-        return np.asarray(points[ankle] + along * forward + across * down)
+    def _outline(self, points: Array, bone: _Bone, flat: Callable[[Array], Array]) -> Array:
+        """Of a bone with round ends, or of the whole foot where it is the bone that ends at the toes. flat: puts points
+        (..., 3) into the picture (..., 2)."""
+        if (foot := self._feet.get(bone.end)) is not None:
+            left, heel = foot.left(points), foot.heel(points)
+            corners = np.stack((points[foot.ankle], heel, points[foot.toe], points[foot.tip]))
+            return outline_of_foot(corners, left, (bone.radii[0], _SOLE * bone.radii[1]), flat)
+        start, end = points[bone.start], points[bone.end]
+        if bone.end >= len(self.joint_names):
+            # The round end of a limb ends where the limb does.
+            way = start - end
+            end = end + min(1.0, bone.radii[1] / max(float(np.linalg.norm(way)), 1e-9)) * way
+        return capsule(flat(start), flat(end), *bone.radii)
 
     def _seen(self, points: Array, camera: Camera) -> list[Part]:
         flat, near = camera.project(points)[:, :2], camera.nearness(points)
@@ -111,12 +150,9 @@ class Body:
         trunk = float(near[list(self._girths) or [0]].mean())
         found = [(trunk, part) for part in self._middle(points, flat, camera)]
         for bone in self._bones:
-            if bone.side == "middle":
-                continue
-            outline = capsule(flat[bone.start], flat[bone.end], *bone.radii)
-            if (heel := self._heel(points, bone.end)) is not None:
-                outline = _foot(flat[bone.start], camera.project(heel[None])[0, :2], flat[bone.end], bone)
-            found.append((float(near[[bone.start, bone.end]].mean()), Part(bone.side, outline)))
+            if bone.side != "middle" and bone.start not in self._feet:
+                outline = self._outline(points, bone, lambda place: camera.project(place)[..., :2])
+                found.append((float(near[[bone.start, bone.end]].mean()), Part(bone.side, outline)))
         return [part for _, part in sorted(found, key=lambda item: item[0])]
 
     def _middle(self, points: Array, flat: Array, camera: Camera) -> list[Part]:
@@ -137,51 +173,19 @@ class Body:
 
     def lines(self, points: Array, side: str, arms: bool = True) -> list[Array]:
         """Centre lines (2, 2) of the bones of a side, for thin stick figures."""
-        flat = points[:, [2, 1]]
+        flat = _from_the_right(points)
         bones = [bone for bone in self._bones if bone.side == side and (arms or bone.kind != "arm")]
         found = [np.stack((flat[bone.start], flat[bone.end])) for bone in bones]
         for bone in bones:
-            if (heel := self._heel(points, bone.end)) is not None:
-                found += [np.stack((flat[node], heel[[2, 1]])) for node in (bone.start, bone.end)]
+            if (foot := self._feet.get(bone.end)) is not None:
+                heel = _from_the_right(foot.heel(points))
+                found += [np.stack((flat[node], heel)) for node in (bone.start, bone.end)]
         return found
 
 
-def capsule(start: Array, end: Array, radius_start: float, radius_end: float, corners: int = 12) -> Array:
-    """Outline (K, 2) of a tapered bar with round ends."""
-    axis = end - start
-    length = float(np.hypot(*axis))
-    if length <= abs(radius_start - radius_end):  # one circle swallows the other
-        centre, radius = (start, radius_start) if radius_start >= radius_end else (end, radius_end)
-        angle = np.linspace(0, 2 * np.pi, 2 * corners)
-        return centre + radius * np.stack((np.cos(angle), np.sin(angle)), axis=1)
-    heading = np.arctan2(axis[1], axis[0])
-    tangent = np.arccos((radius_start - radius_end) / length)  # where the straight flanks touch both circles
-    back = heading + np.linspace(tangent, 2 * np.pi - tangent, corners)
-    front = heading + np.linspace(-tangent, tangent, corners)
-    return np.concatenate(
-        (
-            start + radius_start * np.stack((np.cos(back), np.sin(back)), axis=1),
-            end + radius_end * np.stack((np.cos(front), np.sin(front)), axis=1),
-        )
-    )
-
-
-def ellipse(bottom: Array, top: Array, width: float, corners: int = 32) -> Array:
-    """Outline (K, 2) of an ellipse between two points of its long axis; width in lengths of that axis."""
-    along = (top - bottom) / 2
-    across = width * np.array([-along[1], along[0]])
-    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)[:, None]
-    return (bottom + top) / 2 + np.cos(angle) * along + np.sin(angle) * across
-
-
-def hull(points: Array) -> Array:
-    """The corners (K, 2) of the smallest convex outline around points (N, 2)."""
-    return points[ConvexHull(points).vertices]
-
-
-def _circle(centre: Array, radius: float, corners: int = 20) -> Array:
-    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
-    return np.asarray(centre + radius * np.stack((np.cos(angle), np.sin(angle)), axis=1))
+def _from_the_right(points: Array) -> Array:
+    """Points (..., 3) as someone to the right of the runner sees them (..., 2)."""
+    return points[..., [2, 1]]
 
 
 def _head(flat: Array, bone: _Bone) -> list[Part]:
@@ -195,37 +199,32 @@ def _ring(girth: _Girth, flat: Array, wide: Array) -> Array:
     spine = flat[girth.node]
     if not girth.roots:
         aside = _WAIST * girth.radius * wide
-        return np.concatenate([_circle(spine + sign * aside, girth.radius) for sign in (-1.0, 1.0)])
+        return np.concatenate([circle(spine + sign * aside, girth.radius) for sign in (-1.0, 1.0)])
     circles = []
     for root, radius in girth.roots:
         way, thickness = _RIBS
-        circles.append(_circle(spine + _ROOT * (flat[root] - spine), radius))
-        circles.append(_circle(spine + way * (flat[root] - spine), thickness * girth.radius))
+        circles.append(circle(spine + _ROOT * (flat[root] - spine), radius))
+        circles.append(circle(spine + way * (flat[root] - spine), thickness * girth.radius))
     return np.concatenate(circles)
 
 
-def _foot(ankle: Array, heel: Array, ball: Array, bone: _Bone) -> Array:
-    """Outline (K, 2) of a foot from its points in the picture; heel and ball stand on their circles' lowest points."""
-    radius = 0.5 * bone.radii[1]
-    lift = np.array([0.0, radius])
-    circles = ((ankle, bone.radii[0]), (heel + lift, radius), (ball + lift, radius))
-    return hull(np.concatenate([_circle(centre, size) for centre, size in circles]))
-
-
-def _heels(skeleton: Skeleton) -> dict[int, tuple[int, int, float, float]]:
-    """Toe joint -> knee, ankle, and how far the heel is from the ankle along the line to the toe joint and, in the
-    plane of shank and foot, across it [m]."""
+def _feet(skeleton: Skeleton) -> dict[int, _Foot]:
+    """The feet by their toe joint; none where the skeleton has no ankle, or toes without a tip."""
     found = {}
+    ends = [name for name in skeleton.names if name in skeleton.end_sites]
     for side in _SIGN:
-        names = [f"{side}_{part}" for part in ("knee", "ankle", "toe")]
-        if not all(name in skeleton.names for name in names):
+        names = ["left_hip", "right_hip", *(f"{side}_{part}" for part in ("knee", "ankle", "toe"))]
+        if not all(name in skeleton.names for name in names) or names[-1] not in ends:
             continue
-        knee, ankle, toe = (skeleton.index(name) for name in names)
+        left, right, knee, ankle, toe = (skeleton.index(name) for name in names)
         _, down, ahead = (float(x) for x in skeleton.offsets[toe])
         length = float(np.hypot(down, ahead))
         back = -HEEL / BALL * ahead
         if length > 0.0:
-            found[toe] = (knee, ankle, (down * down + back * ahead) / length, (ahead * -down + back * down) / length)
+            along, across = (down * down + back * ahead) / length, (ahead * -down + back * down) / length
+            found[toe] = _Foot(
+                (left, right), knee, ankle, toe, len(skeleton.names) + ends.index(names[-1]), along, across
+            )
     return found
 
 
@@ -237,13 +236,14 @@ def _bones(skeleton: Skeleton, end_names: tuple[str, ...]) -> list[_Bone]:
     """One bone from every joint's parent to it and from every end site's joint to the end site.
 
     Nodes are the joints and then the end sites, so a parent always comes first. A limb starts where the side changes;
-    the hidden way from the trunk to a limb's first joint is left out.
+    the hidden way from the trunk to a limb's first joint is left out, and so are collarbones.
     """
     count = len(skeleton.names)
     ends = [skeleton.end_sites[name] for name in end_names]
     lengths = [float(offset.norm()) for offset in (*skeleton.offsets, *ends)]
     parents = [*skeleton.parents, *(skeleton.index(name) for name in end_names)]
-    sides = [side_of(name) for name in (*skeleton.names, *end_names)]
+    names = (*skeleton.names, *end_names)
+    sides = [side_of(name) for name in names]
     heads = {count + i: _neck(skeleton, name) for i, name in enumerate(end_names) if _neck(skeleton, name) is not None}
     hidden = {skeleton.index("head")} if "head" in end_names and heads else set()
 
@@ -252,7 +252,7 @@ def _bones(skeleton: Skeleton, end_names: tuple[str, ...]) -> list[_Bone]:
     after = [0.0] * len(parents)  # length of the limb beyond the node
     nodes = [node for node in range(1, len(parents)) if node not in heads and node not in hidden]
     for node in nodes:
-        if sides[node] == sides[parents[node]]:
+        if sides[node] == sides[parents[node]] and not names[parents[node]].endswith(_COLLAR):
             first[node] = first[parents[node]]
             before[node] = before[parents[node]] + lengths[node]
     for node in reversed(nodes):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from hopdiff.editing.laplacian import laplacian
 from hopdiff.editing.root_path import RootPath, steps_of
@@ -30,7 +32,8 @@ _TICK_ROOM = 0.13  # inches of way for a mark, so many seconds apart that it has
 _MOST_TICKS = 100
 _TICK = 0.2  # inches of a mark
 _ARROW = 0.45  # inches of the arrow of a wanted heading
-_BAR = 0.09  # of the map's longer side, for the longest bar
+_BAR = 0.4  # inches of the longest bar
+_BAR_ROOM = 0.06  # inches of way for a bar
 _MOST_BARS = 400
 _WINDING = 5.0  # times the map's longer side; a longer way has no room for bars
 _USUAL = 0.95  # share of the source's frames whose change counts as usual
@@ -43,6 +46,15 @@ _FEW_MARKS = 12  # of constraints; more are drawn smaller
 _FEWEST = 5  # frames: four steps, of which two have two neighbours
 
 
+@dataclass(frozen=True)
+class _Bars:
+    """lines: (K, 2, 2) from the way to the tips [m]. abrupt: (K,) which are red. longest: |delta| of the longest."""
+
+    lines: Array
+    abrupt: NDArray[np.bool_]
+    longest: float
+
+
 def edit_figure(
     before: RootPath,
     after: RootPath,
@@ -53,19 +65,25 @@ def edit_figure(
 ) -> Figure:
     """Both root paths from above, z up the page and x to its left, in equal scales; below, |delta| over time.
 
-    Dots at even times, with short strokes to where the body faces. Bars across the edited path are as long as |delta|,
-    the norm of the differential coordinates of its steps in 1/30 s (m and rad together), whatever the frame rate; red
-    ones stand out against a neighbour by more than 95 % of the source's do. A way that winds through its own ground
-    has no room for bars: there, red is the path itself. A constraint is a cross, or a ring where only a heading is
-    asked for, with an arrow along a wanted heading. curve: (L, 2) points [x, z] close together on a drawn curve [m].
-    title: instead of ways and time. Raises HopdiffError for paths of fewer than 5 frames and constraints outside them.
+    Dots at even times, with short strokes to where the body faces. Bars on one side of the edited path are as long as
+    |delta|, the norm of the differential coordinates of its steps in 1/30 s (m and rad together), whatever the frame
+    rate; the legend tells the longest. Red ones stand out against a neighbour by more than 95 % of the source's do. A
+    way that winds through its own ground has no room for bars: there, red is the path itself. A constraint is a cross,
+    or a ring where only a heading is asked for, with an arrow along a wanted heading. curve: (L, 2) points [x, z] close
+    together on a drawn curve [m]. title: instead of ways and time.
+    Raises HopdiffError for paths of fewer than 5 frames and constraints outside them.
     """
     _check(before, after, constraints)
     curve_line = ground_points(curve)[:, [0, 2]]
     marks = [(one, _mark(one, before, after)) for one in constraints]
     old, new = numbers(before.place), numbers(after.place)
     drawn = np.concatenate([old, new, curve_line, *(place[None] for _, (place, _) in marks)])
-    low, high = map_window(np.concatenate((drawn, _tips(marks, _ARROW / LONGEST * float(np.ptp(drawn, axis=0).max())))))
+    inch = float(np.ptp(drawn, axis=0).max()) / LONGEST  # in metres, about
+    every = max(1, min(round(_STEP / frame_time), (min(before.frames, after.frames) - 1) // (_FEWEST - 1)))
+    deltas = {"before": delta_norm(before, every), "after": delta_norm(after, every)}
+    abrupt = abrupt_steps(deltas["before"], deltas["after"])
+    bars = _bars(new, old, deltas["after"], abrupt, every, frame_time, inch)
+    low, high = map_window(np.concatenate((drawn, _tips(marks, _ARROW * inch), bars.lines[:, 1])))
     wide, tall = high - low
     scale = LONGEST / max(wide, tall)  # inches in a metre
     size = max(6.5, scale * wide + 1.2), scale * tall + 1.9 + _TIMELINE
@@ -81,16 +99,16 @@ def edit_figure(
     interval = _interval(new, frame_time, scale)
     for path, colour, order in ((before, BEFORE, 3.0), (after, style.mix(AFTER, "#000000", 0.5), 5.0)):
         _draw_headings(upper, path, interval / frame_time, _TICK / scale, colour, order)
-    every = max(1, min(round(_STEP / frame_time), (min(before.frames, after.frames) - 1) // (_FEWEST - 1)))
-    deltas = {"before": delta_norm(before, every), "after": delta_norm(after, every)}
-    abrupt = abrupt_steps(deltas["before"], deltas["after"])
-    _draw_bars(upper, new, deltas["after"], abrupt, every, frame_time, float(max(wide, tall)))
+    if len(bars.lines):
+        _draw_bars(upper, bars)
+    else:
+        _draw_kinks(upper, new, abrupt, every)
     upper.plot(*new[0], "o", markersize=8, color="white", markeredgecolor=style.INK, zorder=6, label="start")
     _draw_constraints(upper, marks, scale)
     _timeline(lower, deltas, abrupt, every * frame_time, [frame_time * one.frame for one in constraints])
     note = f"a dot every {interval:g} s, with a stroke to where the body faces"
-    upper.set_title(note, loc="right", fontsize=9, color=style.GROUND)
-    figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    upper.set_title(note, fontsize=9, color=style.GROUND)
+    figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     return figure
 
 
@@ -158,28 +176,49 @@ def _draw_headings(axes: Axes, path: RootPath, every: float, reach: float, colou
     axes.plot(x, z, "o", color=colour, markersize=3.6, markeredgewidth=0, zorder=order)
 
 
-def _draw_bars(
-    axes: Axes, place: Array, delta: Array, abrupt: NDArray[np.bool_], every: int, frame_time: float, extent: float
-) -> None:
-    """|delta| on the left of the way, the red ones over the others; of steps close together the largest."""
-    if float(np.hypot(*np.diff(place, axis=0).T).sum()) > _WINDING * extent:
-        steps = np.flatnonzero(abrupt) + 1
+def _bars(
+    place: Array, source: Array, delta: Array, abrupt: NDArray[np.bool_], every: int, frame_time: float, inch: float
+) -> _Bars:
+    """Bars for |delta| across the way, one for the largest of steps that are close together; none on a winding way.
+
+    inch: in metres. They stand on the side where the source's way is farther off, so that neither way is buried.
+    """
+    way = float(np.hypot(*np.diff(place, axis=0).T).sum())
+    if way > _WINDING * LONGEST * inch:
+        return _Bars(np.zeros((0, 2, 2)), np.zeros(0, dtype=bool), 0.0)
+    room = max(1, min(_MOST_BARS, int(way / inch / _BAR_ROOM))) if inch > 0 else 1
+    starts = np.arange(0, len(delta), -(-len(delta) // room))
+    tall = np.maximum.reduceat(delta, starts)
+    # Of steps that share a bar it stands at the largest, where it is one's own.
+    ends = [*starts[1:], len(delta)]
+    tops = np.array([start + int(np.argmax(delta[start:end])) for start, end in zip(starts, ends, strict=True)])
+    lengths = _BAR * inch * tall / max(float(tall.max()), _SMALL)
+    at = every * (tops + 2)  # a bar stands where its step ends
+    left = on_ground(np.zeros(len(at)), lengths, _direction(place, frame_time)[at])[:, [0, 2]]
+    near = cKDTree(source)
+    apart = [float(near.query(place[at] + sign * left)[0].mean()) for sign in (1.0, -1.0)]
+    aside = -left if apart[1] > 1.01 * apart[0] else left
+    red = np.maximum.reduceat(abrupt.astype(int), starts) > 0
+    return _Bars(np.stack((place[at], place[at] + aside), axis=1), red, float(tall.max()))
+
+
+def _draw_bars(axes: Axes, bars: _Bars) -> None:
+    """The bars below both ways, the red ones over the others."""
+    for chosen, colour, label, order in (
+        (~bars.abrupt, style.pale(AFTER, 0.55), f"|δ|, as bars (longest {bars.longest:.2g})", 1.6),
+        (bars.abrupt, ABRUPT, "|δ| changes most", 1.8),
+    ):
+        if chosen.any():
+            lines = LineCollection(list(bars.lines[chosen]), colors=colour, linewidths=1.1, zorder=order, label=label)
+            axes.add_collection(lines, autolim=False)
+
+
+def _draw_kinks(axes: Axes, place: Array, abrupt: NDArray[np.bool_], every: int) -> None:
+    """The pieces of a winding way at which |delta| changes most, in red on the way itself."""
+    steps = np.flatnonzero(abrupt) + 1
+    if len(steps):
         pairs = np.stack((place[every * steps], place[every * (steps + 1)]), axis=1)
         lines = LineCollection(list(pairs), colors=ABRUPT, linewidths=3.0, zorder=4.2, label="|δ| changes most")
-        axes.add_collection(lines, autolim=False)
-        return
-    starts = np.arange(0, len(delta), -(-len(delta) // _MOST_BARS))
-    tall = np.maximum.reduceat(delta, starts)
-    red = np.maximum.reduceat(abrupt.astype(int), starts) > 0
-    lengths = _BAR * extent * tall / max(float(tall.max()), _SMALL)
-    at = every * (starts + 2)  # a bar stands where its step ends
-    left = on_ground(np.zeros(len(at)), lengths, _direction(place, frame_time)[at])[:, [0, 2]]
-    bars = np.stack((place[at], place[at] + left), axis=1)
-    for chosen, colour, label, order in (
-        (~red, style.pale(AFTER, 0.45), "|δ|, as bars", 2.6),
-        (red, ABRUPT, "|δ| changes most", 2.8),
-    ):
-        lines = LineCollection(list(bars[chosen]), colors=colour, linewidths=1.3, zorder=order, label=label)
         axes.add_collection(lines, autolim=False)
 
 

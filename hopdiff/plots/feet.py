@@ -22,7 +22,8 @@ STAGES = {
     "cleaned": (style.SERIES[2], 1.5),
 }
 _OTHERS = ((style.SERIES[4], 1.5), (style.SERIES[6], 1.5), (style.SERIES[5], 1.5))
-_FASTEST = 0.5  # m/s at the top of the panels: slide is to be seen, a swinging foot leaves them
+_FASTEST = 0.5  # m/s at the top of the panels, at least: slide is to be seen, a swinging foot leaves them
+_OVER = 1.5  # times the largest mean in contact that the panels reach
 _HIGHEST = 20.0  # cm
 _LONG = 15.0  # seconds; of longer clips only what feet do on the ground is drawn
 _WIDTH, _WIDEST, _PER_SECOND = 11.0, 24.0, 0.4  # inches
@@ -42,8 +43,8 @@ def feet_figure(
 
     times: (T,) [s]. names: P points; left ones are tinted blue, right ones orange. contact: (T, P) whether a point
     should stand still, shaded. speeds: by stage ("source", "edited", "cleaned", or others) (T, P) [m/s]. heights: by
-    stage (T, P) [m]. Over each panel stands the mean speed in contact. Speeds above 0.5 m/s and heights above 0.2 m
-    leave the panels; of clips longer than 15 s only contacts are drawn.
+    stage (T, P) [m]. Over each panel stands the mean speed in contact. Speeds above 0.5 m/s and far above this mean,
+    and heights above 0.2 m, leave the panels; of clips longer than 15 s only contacts are drawn.
     Raises HopdiffError for arrays whose sizes do not fit each other.
     """
     at, touching = numbers(times), numbers(contact) > 0.5
@@ -63,7 +64,10 @@ def feet_figure(
     for point, name in enumerate(names):
         touches = touching[:, point]
         spans = contact_spans(at, touches)
-        pair = ((fast, _FASTEST, "m/s"), (high, _HIGHEST, "cm"))
+        pair = (
+            (fast, _top({stage: values[:, point] for stage, values in fast.items()}, touches), "speed [m/s]"),
+            (high, _HIGHEST, "height\n[cm]"),
+        )
         for axes, (tracks, top, label) in zip(panels[2 * point : 2 * point + 2, 0], pair, strict=True):
             own = {stage: values[:, point] for stage, values in tracks.items()}
             style.tidy(axes)
@@ -111,6 +115,12 @@ def _shade(axes: Axes, spans: list[tuple[float, float]], side: str) -> None:
     pieces = [(start, end - start) for start, end in spans]
     # One collection: a long clip has hundreds of contacts.
     axes.broken_barh(pieces, (0, 1), transform=axes.get_xaxis_transform(), facecolors=colour, linewidth=0, zorder=0)
+
+
+def _top(speeds: Mapping[str, Array], touching: NDArray[np.bool_]) -> float:
+    """Where a panel of speeds ends above: over what feet in contact do on the average [m/s]."""
+    means = [float(values[touching].mean()) for values in speeds.values()] if touching.any() else []
+    return max([_FASTEST, *(_OVER * mean for mean in means)])
 
 
 def _bottom(tracks: Mapping[str, Array], touching: NDArray[np.bool_]) -> float:

@@ -50,14 +50,15 @@ def character_figure(character: Character) -> Figure:
         axes.tick_params(length=0)
         axes.spines[["left", "bottom"]].set_visible(False)
         axes.set_xlabel(name)
-        axes.axhline(0.0, color=style.GROUND, linewidth=2.0, zorder=1)
         axes.grid(axis="y", color=style.FAINT, linewidth=0.8)
+        axes.set_axisbelow(True)
+        axes.axhline(0.0, color=style.GROUND, linewidth=2.0, zorder=1)
         draw_seen(axes, body, pose, camera)
         flat = camera.project(pose)[: len(body.joint_names), :2]
         axes.plot(*flat.T, "o", markersize=7, color=_DOT, markeredgecolor="white", zorder=5)
         _names(axes, list(body.joint_names), flat, camera, column, _LINE * height)
     panels[0].set_yticks(np.arange(0.0, top, _TICK))
-    panels[0].set_ylabel("metres above the ground")
+    panels[0].set_ylabel("height [m]")
     return figure
 
 

@@ -20,6 +20,7 @@ LONGEST = 8.0  # inches of the longer side of a map
 BESIDE = math.radians(-100.0)  # where a camera stands around someone who looks ahead: right of him, a little behind
 FLAT = np.array([1.0, 0.0, 1.0])
 _MARGIN = 0.6  # metres of ground around everything on a map, at least
+_NUMBERS, _NUMBERS_ACROSS = 14, 5  # on the long side of a map, and on a short one, about
 _ROOM = 0.75  # inches around an oblique view, for the numbers on the ground
 _HEAD = 0.45  # inches for its title
 _SHADOW = 0.2  # radius [m]
@@ -83,9 +84,11 @@ def map_axes(axes: Axes, low: Array, high: Array) -> None:
     axes.set(xlim=(high[0], low[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set_xlabel("x, to the left [m]")
     axes.set_ylabel("z [m]")
-    step = spacing(float((high - low).max()))
-    axes.xaxis.set_major_locator(MultipleLocator(step))
-    axes.yaxis.set_major_locator(MultipleLocator(step))
+    sizes = [float(size) for size in high - low]
+    step = spacing(max(sizes), _NUMBERS)
+    for axis, size in zip((axes.xaxis, axes.yaxis), sizes, strict=True):
+        # A narrow map has numbers on its short side too.
+        axis.set_major_locator(MultipleLocator(min(step, spacing(size, _NUMBERS_ACROSS))))
 
 
 def oblique_page(camera: Camera, poses: Array, ground: Array, title: str) -> tuple[Figure, Axes, float]:

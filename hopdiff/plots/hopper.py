@@ -19,7 +19,7 @@ from hopdiff.plots import style
 _LEGS = (0.4, 1.25)  # inches that a leg is drawn long
 _WIDTHS = (9.0, 18.0, 40.0)  # inches: at least, at most for the longer leg, at most whatever the leg
 _HIGHEST = 9.0  # inches of the tallest drawing
-_SIDE, _HEAD, _LINE, _FEET = 0.35, 0.8, 0.2, 0.6  # inches beside, above (with lines of the note) and below
+_SIDE, _HEAD, _LINE, _FEET = 0.6, 0.8, 0.2, 0.6  # inches beside, above (with lines of the note) and below
 _LETTERS = 13  # of the note in an inch
 _SPACING = 0.2  # leg lengths between neighbouring figures
 _TICKS = 1.8  # in an inch
@@ -68,7 +68,8 @@ def hopper_figure(done: Hopping, leg_length: float, title: str, note: str = "") 
     axes.plot(hip[shown, 0], hip[shown, 1], "o", color=style.INK, markersize=0.45 * mark, markeredgewidth=0, zorder=7)
     _mark_changes(axes, done, mark)
     _ground(axes, done, mark)
-    axes.xaxis.set_major_locator(MaxNLocator(max(2, int(_TICKS * scale * (high - low))), steps=(1, 2, 5, 10)))
+    for axis, size in ((axes.xaxis, high - low), (axes.yaxis, top - bottom)):
+        axis.set_major_locator(MaxNLocator(max(3, int(_TICKS * scale * size)), steps=(1, 2, 5, 10)))
     _legend(figure, done, _SIDE / width, 1 - (head - 0.2) / height)
     return figure
 
@@ -127,10 +128,11 @@ def _ground(axes: Axes, done: Hopping, size: float) -> None:
         colour = style.SIDE_COLOURS[SIDES[leg]] if done.feet.shape[1] == 2 else _ONE_LEG[True]
         spot = float(done.feet[i, leg, 0])
         axes.plot(spot, 0, "o", markersize=0.8 * size, color=colour, markeredgecolor="white", clip_on=False, zorder=9)
-    axes.set_yticks([])
+    axes.spines["left"].set(visible=True, color=style.GROUND, bounds=(0.0, axes.get_ylim()[1]))
+    axes.set_ylabel("height [m]", fontsize=9, color=style.INK)
     axes.set_facecolor("none")
     axes.tick_params(colors=style.INK, labelsize=9, length=6, direction="out")
-    axes.set_xlabel("m along the way", fontsize=9, color=style.INK)
+    axes.set_xlabel("along the way [m]", fontsize=9, color=style.INK)
 
 
 def _legend(figure: Figure, done: Hopping, x: float, y: float) -> None:

@@ -29,6 +29,7 @@ from hopdiff.plots.view import Array, Camera
 
 _SHORTEST_PRINT = 0.11  # inches
 _MOST = 48  # figures in an oblique view, unless told
+_APART = 0.6  # heights of the body from one figure to the next, at least, unless told
 _COM = style.SERIES[2]  # as in the other pictures
 _WANTED = style.SERIES[6]
 
@@ -76,14 +77,15 @@ def oblique_figure(motion: Motion, count: int | None = None, curve: ArrayLike | 
     """Figures of the runner along the path, seen obliquely from above, the far ones behind the near ones.
 
     count: of figures, at even times; without it one in the middle of every stance and flight, or of every third,
-    fifth, ... of them on a long way. curve: (L, 2) points [x, z] close together on the path, drawn on the ground
-    instead of the track of the hips [m]. title: instead of distance, time and speed.
+    fifth, ... of them where they would stand in each other's way. curve: (L, 2) points [x, z] close together on the
+    path, drawn on the ground instead of the track of the hips [m]. title: instead of distance, time and speed.
     """
     camera = side_camera(motion, ELEVATION)
     body = Body(motion.clip.skeleton)
     times = motion.times.detach().cpu().double().numpy()
-    at = _moments(motion) if count is None else np.linspace(times[0], times[-1], max(1, count))
-    poses = sample(times, body.points(motion.clip), at)
+    points = body.points(motion.clip)
+    at = _moments(motion, points) if count is None else np.linspace(times[0], times[-1], max(1, count))
+    poses = sample(times, points, at)
     prints = footprints(motion)
     path = ground_points(curve)
     track = path if len(path) else ground_track(motion)[0]
@@ -124,10 +126,15 @@ def _directions(axes: Axes, motion: Motion) -> None:
     )
 
 
-def _moments(motion: Motion) -> Array:
+def _moments(motion: Motion, points: Array) -> Array:
+    """Middles of phases [s], so far apart that figures leave each other room. points: (T, N, 3) of the body [m]."""
     middles = np.array([0.5 * (phase.start + phase.end) for phase in motion.phases])
+    track, _ = ground_track(motion)
+    way = float(np.linalg.norm(np.diff(track, axis=0), axis=1).sum())
+    tall = float(np.ptp(points[..., 1], axis=1).max())
+    most = min(_MOST, max(2, math.floor(way / (_APART * tall))))
     # Every odd one: stances and flights take turns, and so do the sides.
-    return middles[:: math.ceil(len(middles) / _MOST) | 1]
+    return middles[:: math.ceil(len(middles) / most) | 1]
 
 
 def _prints(axes: Axes, camera: Camera, prints: list[Footprint], larger: float) -> None:

@@ -85,7 +85,7 @@ def rooms_figure(
 
 def _caption(scene: Scene, before: RootPath, after: RootPath) -> str:
     ways = [float(np.hypot(*np.diff(numbers(path.place), axis=0).T).sum()) for path in (before, after)]
-    return f"{scene.name}: {ways[0]:.2f} m in the graph, {ways[1]:.2f} m after the edit"
+    return f"{_words(scene.name)}: {ways[0]:.2f} m in the graph, {ways[1]:.2f} m after the edit"
 
 
 def _fill(

@@ -25,6 +25,8 @@ Frames = NDArray[np.int64]
 _MOST = 40  # figures, unless told
 _FEWEST = 3
 _APART = 0.42  # metres in the picture from a figure to the next, about
+_OVERLAP = 0.85  # of the width of a figure, at least: runners are wider than walkers
+_TRIED = 24  # figures whose width is looked at
 _CROWDED = 0.035  # of the width of the picture, at least
 _DEEP = 0.6  # metres up the page, where figures stand behind each other
 _CLEAR = 0.65  # of these distances, for a figure to have room
@@ -64,7 +66,11 @@ def sticks_figure(
     track = numbers(clip.root_position) * FLAT
     camera = camera_beside(track, 0.0, ELEVATION)
     ways = [track] if before is None else [track, numbers(before.root_position) * FLAT]
-    apart = max(_APART, _CROWDED * float(np.ptp(camera.project(np.concatenate(ways))[:, 0])))
+    apart = max(
+        _APART,
+        _CROWDED * float(np.ptp(camera.project(np.concatenate(ways))[:, 0])),
+        _OVERLAP * _width(clip, camera),
+    )
     room, winding = _room(camera.project(track)[:, :2], track, clip.frame_time, apart)
     frames = np.round(np.linspace(0.0, clip.frames - 1, min(count or room, clip.frames))).astype(np.int64)
     layers = [(_at(clip, frames), track, False)]
@@ -122,6 +128,12 @@ def _room(seen: Array, track: Array, frame_time: float, wanted: float) -> tuple[
     winding = len(kept) < _WINDING * len(moving) / every
     count = len(kept) // 2 if winding else len(kept)
     return min(max(count, _FEWEST), _MOST, len(track)), winding
+
+
+def _width(clip: Clip, camera: Camera) -> float:
+    """How wide a figure mostly is in the picture [m]."""
+    frames = np.unique(np.linspace(0, clip.frames - 1, _TRIED).round().astype(np.int64))
+    return float(np.median(np.ptp(camera.project(points_of(_at(clip, frames)))[..., 0], axis=1)))
 
 
 def _height(points: Array) -> float:

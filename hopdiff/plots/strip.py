@@ -20,7 +20,8 @@ _MARGIN = 0.25  # metres left and right of the outermost figure
 _GAP = 0.08  # metres between neighbouring figures
 _ABOVE = 0.08  # metres of paper over the highest head
 _HEAD, _LABELS, _BELOW = 0.5, 0.85, 0.55  # inches for the title, under the poses and under the trace
-_TRACE_HEIGHT = 3.2  # inches at most
+_TRACE_HEIGHT = 4.4  # inches at most
+_BESIDE = 0.75  # inches left of the trace, for its heights
 _TRACE_RATE = 30.0  # stick figures a second in the lower picture
 
 
@@ -44,7 +45,8 @@ def strip_figure(motion: Motion, title: str = "") -> Figure:
     trace_top = points[..., 1].max() + _ABOVE
 
     above = _WIDTH * upper_top / (high - low)  # inches, as all heights here
-    trace_scale = min(_TRACE_HEIGHT / trace_top, _WIDTH / (trace_high - trace_low))  # inches in a metre
+    # Inches in a metre.
+    trace_scale = min(_TRACE_HEIGHT / trace_top, (_WIDTH - 2 * _BESIDE) / (trace_high - trace_low))
     middle, share = trace_scale * trace_top, trace_scale * (trace_high - trace_low) / _WIDTH
     height = _HEAD + above + _LABELS + middle + _BELOW
     figure = style.new_figure(_WIDTH, height, layout=None)
@@ -150,12 +152,14 @@ def _trace(axes: Axes, motion: Motion, body: Body, times: Array, points: Array) 
     )
     for phase, place in contact_points(motion):
         _contact_mark(axes, float(place[2]), phase.side)
-    axes.spines[["top", "left", "right"]].set_visible(False)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines["left"].set_color(style.GROUND)
     axes.spines["bottom"].set(color=style.GROUND, linewidth=2.0)
-    axes.set_yticks([])
+    axes.yaxis.set_major_locator(MultipleLocator(0.5))
+    axes.set_ylabel("height [m]", fontsize=9, color=style.INK)
     axes.set_facecolor("none")
-    axes.tick_params(colors=style.INK, labelsize=9, length=8, direction="out")
-    axes.set_xlabel("m along the way", fontsize=9, color=style.INK)
+    axes.tick_params(colors=style.INK, labelsize=9, length=6, direction="out")
+    axes.set_xlabel("along the way [m]", fontsize=9, color=style.INK)
     axes.xaxis.set_major_locator(MultipleLocator(0.5))
 
 

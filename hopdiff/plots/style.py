@@ -19,6 +19,7 @@ FAINT = "#E6E8EE"
 SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5195", "#3B4252")
 
 SIDE_COLOURS = {"left": LEFT, "right": RIGHT, "middle": BODY}
+_NAMED = 0.1  # of the time shown that a phase must last for its name to have room
 
 
 def mix(colour: str, other: str, share: float) -> str:
@@ -59,13 +60,35 @@ def tidy(axes: Axes, grid: bool = True) -> Axes:
 
 
 def shade_phases(axes: Axes, phases: Sequence[Phase], names: bool = False) -> None:
-    """Tint the stances of a plot over time in the colour of their leg; `names` writes the phases above the plot."""
+    """Tint the stances of a plot over time in the colour of their leg and draw a line where each phase begins.
+
+    names: writes the phases and how long they last above the plot; one too brief for its name goes without.
+    """
+    whole = phases[-1].end - phases[0].start if phases else 0.0
     for phase in phases:
+        colour = SIDE_COLOURS[phase.side] if phase.kind == "stance" else GROUND
         if phase.kind == "stance":
-            axes.axvspan(phase.start, phase.end, color=pale(SIDE_COLOURS[phase.side], 0.86), linewidth=0, zorder=0)
-        if names:
-            colour = SIDE_COLOURS[phase.side] if phase.kind == "stance" else GROUND
+            axes.axvspan(phase.start, phase.end, color=pale(colour, 0.86), linewidth=0, zorder=0)
+        if phase.start > phases[0].start:
+            axes.axvline(phase.start, color=pale(GROUND, 0.4), linewidth=0.8, zorder=0.5)
+        if names and phase.end - phase.start >= _NAMED * whole:
             label = f"{phase.side} stance" if phase.kind == "stance" else "flight"
-            middle = (phase.start + phase.end) / 2
-            place = axes.get_xaxis_transform()
-            axes.text(middle, 1.03, label, transform=place, ha="center", va="bottom", fontsize=9, color=colour)
+            axes.text(
+                (phase.start + phase.end) / 2,
+                1.03,
+                f"{label}\n{phase.end - phase.start:.3f} s",
+                transform=axes.get_xaxis_transform(),
+                ha="center",
+                va="bottom",
+                fontsize=9,
+                color=colour,
+            )
+
+
+def widened(low: float, high: float, least: float, margin: float = 0.06) -> tuple[float, float]:
+    """Ends of an axis for values from low to high: some margin around them, and never less than a span of `least`.
+
+    Small changes then look small. margin: at either end, a share of the span.
+    """
+    middle, span = 0.5 * (low + high), max(least, (1.0 + 2.0 * margin) * (high - low))
+    return middle - 0.5 * span, middle + 0.5 * span

@@ -14,6 +14,7 @@ from hopdiff.config import Config, build_job, check_names, checked, plain_settin
 from hopdiff.export.request import Exports
 from hopdiff.io.run_folder import RunFolder
 from hopdiff.job import Job
+from hopdiff.plots.film import check_film
 from hopdiff.types import HopdiffError
 
 
@@ -69,6 +70,7 @@ class Task:
         """The call of a composed config. Raises HopdiffError, naming the setting, for what cannot be."""
         check_names(config, Config, self.settings)
         settings = checked(config)
+        check_film(settings.animation, settings.pictures)
         exports = Exports.build(settings.exports, settings.retarget)
         if exports and not (self.motion or self.exports):
             raise HopdiffError(f"export has no effect with task={settings.task.name}, which makes no motion.")

@@ -35,9 +35,10 @@ class ExportTask:
 
 def build(call: Call) -> Work:
     """Read the motions. Raises HopdiffError for what cannot be read, or where nothing is asked for."""
+    sources = sources_of(call.own.run, call.own.runs)
     if not call.exports:
         raise HopdiffError("task=export needs export=[...], as export=[glb,bvh_blender]; --help lists what there is.")
-    takes = distinct([read_take(source) for source in sources_of(call.own.run, call.own.runs)])
+    takes = distinct([read_take(source) for source in sources])
 
     def work(folder: RunFolder) -> None:
         written = _rows(write_all(takes, call.exports, folder.path))

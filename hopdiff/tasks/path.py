@@ -23,7 +23,7 @@ from hopdiff.messages import typed_names
 from hopdiff.metrics import loop_error, stance_foot_drift
 from hopdiff.models.course import run_along, turning_lean
 from hopdiff.motion import Motion
-from hopdiff.plots.animation import write_path_gif
+from hopdiff.plots.animation import path_film
 from hopdiff.plots.path import oblique_figure, path_figure
 from hopdiff.problem import RunProblem
 from hopdiff.search.loop import SearchResult
@@ -31,10 +31,12 @@ from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.notes import notes_of
 from hopdiff.tasks.results import (
     Figures,
+    caption,
     search_figures,
     shown,
     write_found,
     write_motion,
+    write_moving,
     write_numbers,
     write_pictures,
     write_run_events,
@@ -212,7 +214,9 @@ def write_path_run(folder: Path, job: Job, route: Route, run: Run) -> None:
             "along": lambda: oblique_figure(motion, curve=point),
         }
         pictures = write_pictures(folder, figures | search_figures(run))
-        write_path_gif(folder / "motion.gif", motion, curve=point)
+        first, second = caption(run)
+        way = f"{route.curve.length:.1f} m in {route.time:g} s: {first}"
+        write_moving(folder, job, path_film(motion, point, (way, second)))
     write_run_events(folder, job, run, pictures)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +19,16 @@ from hopdiff.io.record import git_state, versions, write_json, write_table
 from hopdiff.io.run_folder import Note
 from hopdiff.job import Job, Run
 from hopdiff.plots.angles import angles_figure
-from hopdiff.plots.animation import write_gif
+from hopdiff.plots.animation import stride_film
 from hopdiff.plots.com_track import com_track_figure
 from hopdiff.plots.convergence import convergence_figure
+from hopdiff.plots.film import Film, write_film
 from hopdiff.plots.front import front_figure
 from hopdiff.plots.save import save_figure
 from hopdiff.plots.strip import strip_figure
 from hopdiff.search.loop import HistoryRow, SearchResult
 
+DRAWN_FPS = 1000.0  # frames/s of what is drawn: curves are smooth, and poses are those of their moments
 # What a row of the HParams table is told apart by.
 HPARAMS = ("speed", "beta", "seed", "dtype")
 
@@ -45,8 +48,9 @@ def write_run(folder: Path, job: Job, run: Run) -> None:
     write_bvh(folder / "motion_in_place.bvh", run.clip.in_place())
     pictures = {}
     if job.settings["pictures"]:
-        pictures = write_pictures(folder, stride_figures(run))
-        write_gif(folder / "motion.gif", run.motion)
+        drawn = densely(job, run)
+        pictures = write_pictures(folder, stride_figures(drawn))
+        write_moving(folder, job, stride_film(drawn.motion, caption(run)))
     write_run_events(folder, job, run, pictures)
 
 
@@ -103,11 +107,11 @@ Figures = dict[str, Callable[[], Figure]]  # name -> what draws it
 
 def stride_figures(run: Run) -> Figures:
     """The pictures of one stride."""
-    title = f"{run.metrics['speed']:g} m/s, beta {run.metrics['beta']:g}"
+    title = name_of(run)
     figures: Figures = {
         "strip": lambda: strip_figure(run.motion, title),
-        "com_track": lambda: com_track_figure(run.motion),
-        "angles": lambda: angles_figure(run.motion),
+        "com_track": lambda: com_track_figure(run.motion, title=title),
+        "angles": lambda: angles_figure(run.motion, title),
     }
     if limps(run):
         figures["front"] = lambda: front_figure(run.motion, title)
@@ -116,7 +120,33 @@ def stride_figures(run: Run) -> Figures:
 
 def search_figures(run: Run) -> Figures:
     """The picture of the search, if there was one."""
-    return {"convergence": lambda: convergence_figure(run.history)} if len(run.history) > 1 else {}
+    if len(run.history) < 2:
+        return {}
+    title = f"{name_of(run)}: {run.metrics['search']} search"
+    return {"convergence": lambda: convergence_figure(run.history, title, run.metrics["energy_target"])}
+
+
+def densely(job: Job, run: Run) -> Run:
+    """A straight run with so many frames that pictures do not show them; its numbers are the same."""
+    genes = job.table.to_unit(job.table.low.new_tensor(list(run.genes.values())))
+    return replace(run, motion=job.problem.motion(genes, DRAWN_FPS))
+
+
+def name_of(run: Run) -> str:
+    """What a run is asked for, for titles."""
+    return f"{run.metrics['speed']:.3g} m/s, beta {run.metrics['beta']:g}"
+
+
+def caption(run: Run) -> tuple[str, str]:
+    """The lines over a film: what was asked for, and how the run was come by."""
+    how = f"{run.metrics['search']} search" if run.history else "replayed"
+    return name_of(run), f"model {run.metrics['model']}, {how}"
+
+
+def write_moving(folder: Path, job: Job, film: Film) -> None:
+    """Write motion.gif, or what the setting `animation` says instead, if anything."""
+    if (kind := job.settings["animation"]) != "none":
+        write_film(folder / f"motion.{kind}", film)
 
 
 def write_pictures(folder: Path, figures: Figures) -> dict[str, Path]:

@@ -4,13 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from PIL import Image, ImageSequence
 
 from hopdiff.motion import Motion
-from hopdiff.plots.animation import loop_timing, write_gif
-from hopdiff.types import HopdiffError
+from hopdiff.plots.animation import stride_film
+from hopdiff.plots.film import write_film
 
 
 def frames_of(path: Path) -> tuple[list[np.ndarray], list[int]]:
@@ -25,28 +23,13 @@ def frames_of(path: Path) -> tuple[list[np.ndarray], list[int]]:
 
 @pytest.fixture
 def gif(motion: Motion, tmp_path: Path) -> Path:
-    write_gif(tmp_path / "run.gif", motion)
+    write_film(tmp_path / "run.gif", stride_film(motion))
     return tmp_path / "run.gif"
-
-
-@given(stride=st.floats(0.25, 2.0))
-def test_a_loop_lasts_whole_strides(stride: float) -> None:
-    strides, delays = loop_timing(stride)
-    assert sum(delays) / 100 == pytest.approx(strides * stride, rel=0.005)
-    assert strides <= 4
-    # Viewers slow a frame of less than two hundredths down to ten.
-    assert set(delays) <= {2, 3, 4}
-    assert 30 <= 100 * len(delays) / sum(delays) <= 50 or sum(delays) < 90
-
-
-def test_one_stride_where_one_will_do() -> None:
-    assert loop_timing(0.60)[0] == 1
-    assert loop_timing(0.456)[0] > 1
 
 
 def test_it_runs_at_true_speed_forever(gif: Path, motion: Motion) -> None:
     _, delays = frames_of(gif)
-    assert sum(delays) == pytest.approx(1000 * float(motion.times[-1]), rel=0.005)
+    assert sum(delays) == pytest.approx(1000 * float(motion.times[-1]), abs=5.0)
     with Image.open(gif) as picture:
         assert picture.info["loop"] == 0
     assert gif.stat().st_size < 500_000
@@ -84,6 +67,8 @@ def test_the_ground_moves_backwards_evenly_over_the_seam_too(gif: Path) -> None:
     assert max(speeds) - min(speeds) < 0.1 * float(np.median(speeds)) + 2 / min(delays)
 
 
-def test_a_place_that_is_not_there(motion: Motion, tmp_path: Path) -> None:
-    with pytest.raises(HopdiffError, match=r"nowhere.run\.gif"):
-        write_gif(tmp_path / "nowhere" / "run.gif", motion)
+def test_the_caption_goes_on_with_how_long_the_stride_is(motion: Motion) -> None:
+    film = stride_film(motion, ("4 m/s, beta 0.7", "model body"))
+    assert film.caption == ("4 m/s, beta 0.7", "model body; a stride of 0.680 s at true speed")
+    assert film.duration == pytest.approx(0.68)
+    assert stride_film(motion).caption == ()

@@ -5,10 +5,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
+import torch
 
+from hopdiff.geometry.clip import Clip
+from hopdiff.geometry.rotation import axis_rotation
+from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.motion import Motion
-from hopdiff.plots.body import Body, Part, hull
+from hopdiff.plots.body import Body, Part
+from hopdiff.plots.shapes import hull
 from hopdiff.plots.view import BEHIND, FRONT, RIGHT, Camera
+from hopdiff.whole_body.skeleton import full_skeleton, heel_of
+from tests.builders import make_character
 
 OBLIQUE = Camera(-1.9, 0.5)
 
@@ -132,6 +140,80 @@ def test_the_picture_does_not_change_when_runner_and_camera_turn_together(body: 
         assert a.side == b.side
         np.testing.assert_allclose(a.outline.max(axis=0), b.outline.max(axis=0), atol=5e-3)
         np.testing.assert_allclose(a.outline.mean(axis=0), b.outline.mean(axis=0), atol=2e-2)
+
+
+def rest(skeleton: Skeleton) -> np.ndarray:
+    """(J + E, 3) points of a body that stands with hanging arms."""
+    rotations = torch.eye(3, dtype=torch.float64).expand(1, len(skeleton.names), 3, 3)
+    return Body(skeleton).points(Clip(skeleton, skeleton.offsets[:1], rotations, 1.0))[0]
+
+
+@pytest.fixture(scope="module")
+def shod() -> Skeleton:
+    """A body with feet, toes and collarbones, on soles of two centimetres."""
+    return full_skeleton(make_character("human").skeleton, 0.02)
+
+
+def leg(body: Body, points: np.ndarray, camera: Camera | None = None) -> list[np.ndarray]:
+    """The left leg's outlines from the hip down."""
+    hip = points[body.joint_names.index("left_hip")]
+    hip_seen = hip[1] if camera is None else camera.project(hip)[1]
+    parts = [part.outline for part in body.parts(points, camera) if part.side == "left"]
+    return sorted(
+        (part for part in parts if part[:, 1].min() < 0.9 * hip_seen - 0.1), key=lambda part: -part[:, 1].min()
+    )
+
+
+def turned_leg(shod: Skeleton, ankle: float, toe: float) -> tuple[Body, np.ndarray]:
+    """A standing body whose left foot is turned at the ankle and at the ball, toes up positive [rad]."""
+    rotations = torch.eye(3, dtype=torch.float64).repeat(1, len(shod.names), 1, 1)
+    for name, angle in (("left_ankle", ankle), ("left_toe", toe)):
+        rotations[0, shod.index(name)] = axis_rotation("X", torch.tensor(-angle, dtype=torch.float64))
+    body = Body(shod)
+    return body, body.points(Clip(shod, shod.offsets[:1], rotations, 1.0))[0]
+
+
+def heel_of_left(body: Body, points: np.ndarray, shod: Skeleton, ankle: float) -> np.ndarray:
+    offset = heel_of(make_character("human").skeleton, 0.02).numpy()
+    turn = axis_rotation("X", torch.tensor(-ankle, dtype=torch.float64)).numpy()
+    return points[body.joint_names.index("left_ankle")] + turn @ offset
+
+
+@pytest.mark.parametrize(("ankle", "toe"), [(0.0, 0.0), (0.4, 0.0), (-1.0, 0.0), (-0.6, 0.6), (-1.4, 0.3)])
+def test_a_foot_is_one_piece_with_its_sole_at_heel_ball_and_toes(shod: Skeleton, ankle: float, toe: float) -> None:
+    body, points = turned_leg(shod, ankle, toe)
+    names = [*body.joint_names]
+    tip = points[len(names) + body.end_names.index("left_toe")]
+    spots = [heel_of_left(body, points, shod, ankle), points[names.index("left_toe")], tip]
+    outlines = leg(body, points)
+    assert len(outlines) == 3, "thigh, shank and foot"
+    foot = shapely.Polygon(min(outlines, key=lambda outline: float(np.hypot(*(outline - tip[[2, 1]]).T).min())))
+    assert foot.is_valid
+    for spot in spots:
+        assert foot.exterior.distance(shapely.Point(spot[[2, 1]])) < 1.5e-3
+    assert foot.contains(shapely.Point(points[names.index("left_ankle")][[2, 1]]))
+
+
+def test_standing_feet_stand_on_the_ground(shod: Skeleton) -> None:
+    for skeleton in (shod, make_character("human").skeleton):
+        points = rest(skeleton)
+        lowest = min(part.outline[:, 1].min() for part in Body(skeleton).parts(points))
+        assert lowest == pytest.approx(points[:, 1].min(), abs=1e-3)
+
+
+def test_from_behind_feet_are_as_broad_as_shoes(shod: Skeleton) -> None:
+    foot = leg(Body(shod), rest(shod), BEHIND)[-1]
+    assert 0.085 < np.ptp(foot[:, 0]) < 0.12
+
+
+def test_arms_begin_at_the_shoulders_and_the_trunk_reaches_them(shod: Skeleton) -> None:
+    body, points = Body(shod), rest(shod)
+    shoulder = points[body.joint_names.index("left_shoulder")]
+    parts = body.parts(points, FRONT)
+    arms = [part.outline for part in parts if part.side == "left" and part.outline[:, 1].max() > 0.5 * shoulder[1]]
+    assert min(outline[:, 0].min() for outline in arms if outline[:, 1].max() > 0.9 * shoulder[1]) > 0.6 * shoulder[0]
+    trunk = [part.outline for part in parts if part.side == "middle"]
+    assert max(outline[:, 0].max() for outline in trunk) > 0.8 * shoulder[0]
 
 
 def test_hull() -> None:

@@ -37,8 +37,9 @@ def lines_of(figure: Figure, panel: int = 0) -> dict[str, np.ndarray]:
 
 
 def bars_of(figure: Figure, label: str) -> list[np.ndarray]:
-    (found,) = (c for c in figure.axes[0].collections if c.get_label() == label)
-    return [path.vertices for path in found.get_paths()]
+    found = [c for c in figure.axes[0].collections if str(c.get_label()).startswith(label)]
+    assert len(found) <= 1
+    return [path.vertices for c in found for path in c.get_paths()]
 
 
 def strokes_of(figure: Figure) -> list[list[np.ndarray]]:
@@ -130,6 +131,46 @@ def test_bars_stand_across_the_way_and_are_as_long_as_delta() -> None:
             assert way[1] * side[0] - way[0] * side[1] > 0, "not on the left"
 
 
+def test_bars_bury_neither_way() -> None:
+    """They are short and pale, lie below both ways and inside the map, and stand where the source's way is not."""
+    even = walk(900)
+    sway = 0.01 * torch.sin(2.0 * torch.arange(900, dtype=torch.float64))
+    path = RootPath(even.place, even.yaw + sway)
+    for turn, target in ((0.9, 1.5), (-0.9, -1.5)):
+        last = path.place[-1]
+        wanted = [Constraint(path.frames - 1, (float(last[0]) + target, float(last[1])), float(path.yaw[-1]) + turn)]
+        after = edit_path(path, wanted, FRAME).path
+        figure = drawn(edit_figure(path, after, wanted, FRAME))
+        axes = figure.axes[0]
+        bars = np.array(bars_of(figure, "|δ|, as bars") + bars_of(figure, "|δ| changes most"))
+        inches = np.hypot(*(axes.transData.transform(bars[:, 1]) - axes.transData.transform(bars[:, 0])).T) / figure.dpi
+        assert 0.2 < inches.max() < 0.45
+        starts = axes.transData.transform(bars[:, 0]) / figure.dpi
+        assert np.median(np.hypot(*np.diff(starts, axis=0).T)) > 0.05, "bars as dense as a hatching"
+        (low, high), (bottom, top) = sorted(axes.get_xlim()), axes.get_ylim()
+        assert low < bars[..., 0].min()
+        assert bars[..., 0].max() < high
+        assert bottom < bars[..., 1].min()
+        assert bars[..., 1].max() < top
+        orders = {str(line.get_label()): line.get_zorder() for line in axes.lines}
+        below = [c.get_zorder() for c in axes.collections if "δ" in str(c.get_label())]
+        assert max(below) < min(orders["before"], orders["after"])
+        source = path.place.numpy()
+        apart = [np.hypot(*(source[:, None] - bars[None, :, end]).transpose(2, 0, 1)).min(axis=0) for end in (0, 1)]
+        assert apart[1].mean() > apart[0].mean()
+
+
+def test_the_legend_tells_the_longest_bar_and_fits_the_page() -> None:
+    path = walk()
+    after, wanted = edited(path)
+    figure = drawn(edit_figure(path, after, wanted, FRAME, curve=[[0.0, 0.0], [1.0, 4.0]]))
+    texts = [text.get_text() for text in figure.legends[0].texts]
+    assert f"|δ|, as bars (longest {delta_norm(after).max():.2g})" in texts
+    box = figure.legends[0].get_window_extent()
+    assert figure.bbox.x0 <= box.x0
+    assert box.x1 <= figure.bbox.x1
+
+
 def test_red_bars_are_where_the_edit_made_a_kink() -> None:
     path = walk()
     yaw = path.yaw.clone()
@@ -150,7 +191,8 @@ def test_an_even_path_has_no_red_and_only_short_bars() -> None:
     assert not bars_of(figure, "|δ| changes most")
     lengths = [float(np.hypot(*(bar[1] - bar[0]))) for bar in bars_of(figure, "|δ|, as bars")]
     low, high = figure.axes[0].get_ylim()
-    assert max(lengths) < 0.1 * (high - low)
+    assert max(lengths) < 0.06 * (high - low)
+    assert not any("most" in text.get_text() for text in figure.legends[0].texts)
 
 
 @pytest.mark.parametrize("every", [1, 2, 4])
@@ -176,7 +218,7 @@ def test_a_winding_way_is_red_itself_and_has_no_bars() -> None:
     yaw = path.yaw.clone()
     yaw[700:] += 0.5
     figure = edit_figure(path, RootPath(path.place, yaw), [], FRAME)
-    assert "|δ|, as bars" not in [c.get_label() for c in figure.axes[0].collections]
+    assert not bars_of(figure, "|δ|, as bars")
     near = [np.hypot(*(path.place.numpy() - piece[0]).T).argmin() for piece in bars_of(figure, "|δ| changes most")]
     assert near
     assert all(696 <= frame <= 702 for frame in near)

@@ -60,6 +60,15 @@ def test_slide_can_be_read_however_fast_the_swing() -> None:
         assert axes.get_ylim() == (0.0, 20.0)
 
 
+def test_every_panel_says_what_it_shows_and_reaches_over_the_mean() -> None:
+    times, contact, speeds, heights = walk()
+    labels = [axes.get_ylabel() for axes in feet_figure(times, NAMES, contact, speeds, heights).axes]
+    assert labels == ["speed [m/s]", "height\n[cm]"] * 4
+    speeds["edited"] = speeds["edited"] + 0.7
+    figure = feet_figure(times, NAMES, contact, speeds, heights)
+    assert all(axes.get_ylim()[1] == pytest.approx(1.5) for axes in figure.axes[::2])
+
+
 def test_a_foot_below_the_floor_stays_in_its_panel() -> None:
     times, contact, speeds, heights = walk()
     heights["edited"] = heights["edited"] - 0.06

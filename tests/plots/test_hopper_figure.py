@@ -46,6 +46,13 @@ def test_a_metre_is_as_long_up_as_along(number: int, hops: int) -> None:
     assert width <= 18.0 + 1e-9
 
 
+def test_heights_and_the_way_are_numbered() -> None:
+    axes = draw(hopping(2, 3)).axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("along the way [m]", "height [m]")
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        assert sum(low <= tick <= high for tick in axis.get_ticklocs()) >= 2
+
+
 def test_one_leg_is_coloured_by_stance_and_flight() -> None:
     done = hopping(1)
     drawn = limbs(draw(done))

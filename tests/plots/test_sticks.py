@@ -227,6 +227,19 @@ def test_joints_that_move_against_their_parents_are_drawn_where_they_are() -> No
     assert raised[1] - plain[1] == pytest.approx(0.4 * math.cos(ELEVATION))
 
 
+def test_wide_figures_stand_farther_apart() -> None:
+    walking = walker(skeleton(), way=8.0)
+    running = replace(walking, rotations=walking.rotations @ walking.rotations)  # arms and legs swing twice as far
+    counts = [len(figures_of(sticks_figure(clip))) for clip in (walking, running)]
+    assert counts[1] < counts[0]
+    widths = [
+        float(np.median([np.ptp(np.concatenate([p.vertices[:, 0] for p in b.get_paths()])) for b in bodies]))
+        for bodies in (figures_of(sticks_figure(clip)) for clip in (walking, running))
+    ]
+    for count, width in zip(counts, widths, strict=True):
+        assert 8.0 / (count - 1) > 0.7 * width
+
+
 @pytest.mark.parametrize("count", [0, -2])
 def test_a_strip_of_nothing(count: int) -> None:
     with pytest.raises(HopdiffError, match=f"not {count}"):

@@ -16,6 +16,7 @@ from hopdiff.plots.poses import contact_points, key_moments, sample
 from hopdiff.plots.save import save_figure
 from hopdiff.plots.strip import FILL, strip_figure
 from hopdiff.types import HopdiffError
+from tests.plots.conftest import make_motion
 
 
 @pytest.fixture
@@ -49,6 +50,21 @@ def test_a_metre_is_as_high_as_long(figure: Figure) -> None:
         box = axes.get_window_extent()
         (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
         assert box.width / (high - low) == pytest.approx(box.height / (top - bottom), rel=1e-6)
+
+
+def test_heights_and_the_way_are_numbered(figure: Figure) -> None:
+    trace = figure.axes[1]
+    assert (trace.get_xlabel(), trace.get_ylabel()) == ("along the way [m]", "height [m]")
+    assert sum(0 <= tick <= trace.get_ylim()[1] for tick in trace.get_yticks()) >= 3
+
+
+@pytest.mark.parametrize("speed", [2.0, 5.0, 10.0])
+def test_the_trace_and_its_numbers_stay_on_the_page(speed: float) -> None:
+    figure = strip_figure(make_motion(speed))
+    FigureCanvasAgg(figure).draw()
+    trace = figure.axes[1]
+    assert trace.yaxis.label.get_window_extent().x0 >= figure.bbox.x0
+    assert trace.get_window_extent().x1 <= figure.bbox.x1
 
 
 def test_the_near_side_covers_the_far_side(figure: Figure, motion: Motion) -> None:

@@ -14,7 +14,7 @@ from hopdiff.cli import main
 from hopdiff.numerics import GRAVITY
 from tests.builders import make_character
 
-FILES = {"body.png", "body.csv", "metrics.json", "config.yaml", "versions.json", "git.json"}
+FILES = {"body.png", "body.csv", "metrics.json", "config.yaml", "status.json", "versions.json", "git.json"}
 
 
 def command(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> int:

@@ -24,7 +24,7 @@ def sweep(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     tiny = ("search.population=10", "budget.evaluations=40", f"hydra.sweep.dir={folder}")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("hopdiff.tasks.results.write_pictures", lambda *_: {})
-        patch.setattr("hopdiff.tasks.results.write_gif", lambda *_: None)
+        patch.setattr("hopdiff.tasks.results.write_moving", lambda *_: None)
         patch.setattr("sys.argv", ["hopdiff", "-m", "model=smooth", "search=random,ga", "beta=0.2,0.7", *tiny])
         assert main() == 0
     shutil.copytree(finished, folder / "more" / "ga")

@@ -13,7 +13,7 @@ from hopdiff.editing.root_path import root_path
 from hopdiff.io.bvh import read_bvh, write_bvh
 from tests.editing.walks import MOCAP, stride
 
-FILES = {"edited.bvh", "metrics.json", "config.yaml", "versions.json", "git.json"}
+FILES = {"edited.bvh", "metrics.json", "config.yaml", "status.json", "versions.json", "git.json"}
 PICTURES = {"path.png", "strip.png", "feet.png"}
 # A run of our own is made from the ordinary genes: no search, no luck.
 OWN = ("search=ordinary", "fps=30", "edit.strides=4")

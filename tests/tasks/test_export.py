@@ -29,7 +29,7 @@ def test_a_finished_run_in_every_form(
     before = {path.name: path.read_bytes() for path in finished.iterdir() if path.is_file()}
     assert call(monkeypatch, tmp_path / "out", "task=export", f"run={finished}", PRESETS) == 0
     found = {path.name for path in (tmp_path / "out").iterdir()}
-    assert found == FILES | {"config.yaml", "versions.json", "git.json"}
+    assert found == FILES | {"config.yaml", "status.json", "versions.json", "git.json"}
     # The run's own folder is left as it is.
     assert {path.name: path.read_bytes() for path in finished.iterdir() if path.is_file()} == before
     said = capsys.readouterr().out
@@ -141,4 +141,5 @@ def test_exports_that_a_motion_does_not_allow_leave_no_file(
     words = ("task=export", f"run={tmp_path / 'edit'}", "export=[csv,glb]", "exports.glb.cycles=3")
     assert call(monkeypatch, tmp_path / "out", *words) == 1
     assert "exports.glb: cycles=3: motion_edited is no loop" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
+    assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".json", ".yaml"}  # the record, with the sentence
+    assert json.loads((tmp_path / "out" / "status.json").read_text())["status"] == "failed"

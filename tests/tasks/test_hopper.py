@@ -11,7 +11,7 @@ from PIL import Image
 
 from hopdiff.cli import main
 
-FILES = {"hopper.png", "metrics.json", "frames.csv", "config.yaml", "versions.json", "git.json"}
+FILES = {"hopper.png", "metrics.json", "frames.csv", "config.yaml", "status.json", "versions.json", "git.json"}
 
 
 def command(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> int:

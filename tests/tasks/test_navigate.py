@@ -12,7 +12,16 @@ from hopdiff.io.bvh import read_bvh, write_bvh
 from tests.editing.walks import MOCAP, stride
 
 WANDER = MOCAP / "wander_snu_93s_30hz.bvh"
-FILES = {"walk.bvh", "rooms.png", "strip.png", "metrics.json", "config.yaml", "versions.json", "git.json"}
+FILES = {
+    "walk.bvh",
+    "rooms.png",
+    "strip.png",
+    "metrics.json",
+    "config.yaml",
+    "status.json",
+    "versions.json",
+    "git.json",
+}
 
 
 def command(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> int:

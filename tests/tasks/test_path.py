@@ -26,6 +26,7 @@ FILES = {
         "history.csv",
         "metrics.json",
         "config.yaml",
+        "status.json",
         "versions.json",
     ),
     *("git.json", "events"),
@@ -290,7 +291,7 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
     assert told.startswith(f"hopdiff: {said}")
     assert told.endswith("\n")
     assert told.count("\n") == 1
-    assert not (tmp_path / "outputs").exists()
+    assert not list(tmp_path.rglob("motion*"))
 
 
 @pytest.mark.parametrize(

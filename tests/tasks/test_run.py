@@ -9,14 +9,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
-from PIL import Image
+from PIL import Image, ImageSequence
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import hopdiff
 from hopdiff.cli import main
+from hopdiff.composing import compose
+from hopdiff.config import build_job
+from hopdiff.job import search_run
 from hopdiff.search.loop import OnStep
+from hopdiff.tasks.results import densely
 from tests.tasks.conftest import LEAST
 
 FILES = {
@@ -32,6 +37,7 @@ FILES = {
     "angles.png",
     "motion.gif",
     "config.yaml",
+    "status.json",
     "versions.json",
     "git.json",
 }
@@ -174,9 +180,89 @@ def test_a_run_without_a_search_that_is_impossible_says_why(
     assert said == "hopdiff: The one candidate tried is not a possible run: A foot passes below the ground.\n"
 
 
-def test_the_gif_moves(finished: Path) -> None:
+def test_the_gif_moves_at_true_speed(finished: Path) -> None:
     with Image.open(finished / "motion.gif") as image:
         assert image.n_frames > 10
+        shown = sum(frame.info["duration"] for frame in ImageSequence.Iterator(image))  # ms
+    metrics = read(finished, "metrics.json")
+    stride = 1000 * (metrics["frames"] - 1) * metrics["frame_time"]
+    assert shown == pytest.approx(max(1, round(shown / stride)) * stride, abs=5.0)
+
+
+def ordinary(folder: Path, monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+    fixed = ("model=smooth", "search=ordinary", "speed=3", "beta=0.2", f"hydra.run.dir={folder}")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *fixed, *words])
+    return main()
+
+
+def test_films_of_other_kinds_and_pictures_that_leave_the_motion_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is drawn is sampled far denser than what is written."""
+    made = []
+    monkeypatch.setattr("hopdiff.tasks.results.write_film", lambda path, film: made.append((path.name, film)))
+    assert ordinary(tmp_path / "bare", monkeypatch, "pictures=false", "animation=mp4") == 0
+    assert not made
+    assert ordinary(tmp_path / "drawn", monkeypatch, "animation=gif") == 0
+    (name, film) = made.pop()
+    assert name == "motion.gif"
+    stride = 2.0 / read(tmp_path / "drawn", "metrics.json")["step_frequency"]
+    assert film.caption == (
+        "3 m/s, beta 0.2",
+        f"model smooth, ordinary search; a stride of {stride:.3f} s at true speed",
+    )
+    assert (tmp_path / "drawn" / "strip.png").is_file()
+    for file in ("motion.bvh", "motion_in_place.bvh", "genes.json"):
+        assert (tmp_path / "drawn" / file).read_bytes() == (tmp_path / "bare" / file).read_bytes()
+    monkeypatch.setattr("hopdiff.tasks.results.write_pictures", lambda *_: {})
+    for kind in ("webp", "none"):
+        if "WEBP" in Image.SAVE_ALL or kind == "none":
+            assert ordinary(tmp_path / kind, monkeypatch, f"animation={kind}") == 0
+    assert [name for name, _ in made] in ([], ["motion.webp"])
+
+
+def test_a_replay_has_no_search_to_tell_of(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    monkeypatch.setattr("hopdiff.tasks.results.write_film", lambda path, film: made.append(film.caption))
+    monkeypatch.setattr("hopdiff.tasks.results.write_pictures", lambda *_: {})
+    words = ("task=replay", f"genes_file={finished / 'genes.json'}", f"hydra.run.dir={tmp_path}")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words])
+    assert main() == 0
+    assert made[0][0] == "4 m/s, beta 0.5"
+    model = read(finished, "metrics.json")["model"]
+    assert made[0][1].startswith(f"model {model}, replayed; a stride of ")
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("mpg", "hopdiff: Unknown animation 'mpg': choose one of gif, mp4, none, webp."),
+        ("mp4", "hopdiff: animation=mp4 needs an ffmpeg with"),
+    ],
+)
+def test_a_film_that_cannot_be_is_refused_before_the_search(
+    kind: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("hopdiff.plots.film.imageio_ffmpeg", None)
+    assert ordinary(tmp_path / "run", monkeypatch, f"animation={kind}") == 1
+    err = capsys.readouterr().err
+    assert err.startswith(said)
+    assert err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_pictures_are_drawn_from_dense_frames() -> None:
+    job = build_job(compose(["model=smooth", "search=ordinary", "speed=3", "beta=0.2", "fps=30"]))
+    run = search_run(job)
+    drawn = densely(job, run).motion
+    assert float(drawn.times[1]) == pytest.approx(1e-3, rel=0.01)
+    assert drawn.phases == run.motion.phases
+    assert drawn.times[-1] == run.motion.times[-1]
+    for name, curve in run.motion.angles.items():
+        at = np.interp(run.motion.times, drawn.times, drawn.angles[name])
+        np.testing.assert_allclose(at, curve, atol=2e-3)
+    assert run.motion.clip.frames < 40
 
 
 def test_python_fixes_genes_as_the_command_line_does() -> None:
@@ -225,7 +311,7 @@ def test_ctrl_c_keeps_the_best_so_far(
 def test_the_default_folder_says_what_is_in_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("hopdiff.tasks.results.write_pictures", lambda *_: {})
-    monkeypatch.setattr("hopdiff.tasks.results.write_gif", lambda *_: None)
+    monkeypatch.setattr("hopdiff.tasks.results.write_moving", lambda *_: None)
     arguments = ("+experiment=neutral", "model=smooth", "speed=3", "search=random", "budget.evaluations=20")
     monkeypatch.setattr("sys.argv", ["hopdiff", *arguments])
     assert main() == 0
