@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 
 from experiments.report import markdown, words
 from experiments.scale.inside import inside
-from experiments.scale.measure import HYDRA_OWN, Taken, sweep
+from experiments.scale.measure import HYDRA_OWN, Taken, sweep, wait_for_quiet
 from hopdiff.io.files import write_whole
 
 HERE = Path(__file__).parent
@@ -42,10 +42,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with TemporaryDirectory() as place:
         folder = Path(place) / "sweep"
         jobs = ["model=smooth", f"budget.evaluations={options.evaluations}", "beta=0.2"]
+        many = [*jobs, f"seed=range(0,{options.jobs})"]
         for _ in range(options.pairs):
-            for engine in engines:
-                many = [*jobs, f"seed=range(0,{options.jobs})"]
-                note("pairs", engine, sweep(engine, many, options.jobs, folder))
+            if options.quiet < 1.0 and not wait_for_quiet(options.quiet, options.patience):
+                print("The machine did not become quiet.", flush=True)
+                break
+            found = {engine: sweep(engine, many, options.jobs, folder) for engine in engines}
+            if max(one.others for one in found.values()) > options.quiet:
+                print(f"Not kept, others worked: {found}", flush=True)
+                continue
+            for engine, one in found.items():
+                note("pairs", engine, one)
         if options.tiny:
             for engine in engines:
                 for runs in (FEW, options.tiny):
@@ -63,10 +70,12 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--engines", type=words, default=[HYDRA_OWN, "joblib", "ray"], help="without those not installed"
     )
-    parser.add_argument("--pairs", type=int, default=5, help="rounds of the sweep of jobs, engine after engine")
+    parser.add_argument("--pairs", type=int, default=5, help="rounds of the sweep of jobs, each of all engines")
     parser.add_argument("--jobs", type=int, default=16, help="of such a sweep")
     parser.add_argument("--evaluations", type=int, default=2000, help="budget of such a job")
     parser.add_argument("--tiny", type=int, default=1000, help="runs of the sweep of tiny runs; 0 for none")
+    parser.add_argument("--quiet", type=float, default=1.0, help="share of the cores that others may use in a round")
+    parser.add_argument("--patience", type=float, default=600.0, help="seconds to wait for such a moment")
     parser.add_argument("--fresh", action="store_true", help="forget what was measured before")
     parser.add_argument("--out", type=Path, default=HERE, help=f"folder for results.md and {KEPT}")
     return parser

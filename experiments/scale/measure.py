@@ -16,6 +16,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[2]
 TICK = os.sysconf("SC_CLK_TCK")
 POLL = 0.2  # s between two looks at the processes
+LOOK = 3.0  # s over which a quiet moment is looked for
 HYDRA_OWN = "basic"
 # Ray would talk to itself over the address of the network; this one is on the loopback too.
 ON_LOOPBACK = {"ray": ["+hydra.launcher.ray.init._node_ip_address=127.0.0.2"]}
@@ -53,6 +54,17 @@ def sweep(launcher: str, words: Sequence[str], runs: int, folder: Path) -> Taken
     if status or complete != runs:
         raise RuntimeError(f"{' '.join(command)}: status {status}, {complete} of {runs} runs are complete")
     return Taken(wall, cpu, max(0.0, others))
+
+
+def wait_for_quiet(share: float, patience: float) -> bool:
+    """Wait until other programs use no more than this share of the cores; False if that took too long [s]."""
+    end = monotonic() + patience
+    while monotonic() < end:
+        busy, begun = _busy(), monotonic()
+        sleep(LOOK)
+        if (_busy() - busy) / ((monotonic() - begun) * (os.cpu_count() or 1)) <= share:
+            return True
+    return False
 
 
 class _Clock:
