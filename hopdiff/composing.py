@@ -14,9 +14,11 @@ import yaml
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.plugins import Plugins
 from omegaconf import BooleanNode, DictConfig, FloatNode, IntegerNode, OmegaConf
 
 from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, config_folder, load, loaded
+from hopdiff.extras import missing_extras
 from hopdiff.messages import typed_names
 from hopdiff.types import HopdiffError
 
@@ -58,6 +60,11 @@ def register_choices() -> None:
     """
     store = ConfigStore.instance()
     store.store(name="schema", node=OmegaConf.create({name: kind("???") for name, kind in KINDS.items()}))
+    OmegaConf.register_new_resolver("missing_extras", missing_extras, replace=True)  # of the page of --help
+    Plugins.instance()
+    for path in (config_folder() / "hydra" / "launcher").glob("*.yaml"):
+        # Launchers bring settings of their own by these names. Hydra would hold our files against them, and warn.
+        store.repo["hydra"].get("launcher", {}).pop(path.name, None)
     for name in SEARCHES.brought:
         store.store(group="search", name=name, node={"name": name})
     for name in FORMATS.brought:

@@ -16,10 +16,12 @@ from omegaconf.errors import (
 from yaml import MarkedYAMLError
 
 from hopdiff.composing import known_settings, own_file, task_of
+from hopdiff.extras import of_launcher
 from hopdiff.messages import near, one_line, unknown
 from hopdiff.types import HopdiffError
 
 _KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false", "String": "a text"}
+_LAUNCHERS = {"ray": "ray", "submitit": "slurm"}  # that raise errors of their own, by package
 _FOREIGN = ("/hydra/", "/omegaconf/", "/yaml/", "/antlr4/")
 
 
@@ -56,6 +58,13 @@ def _sentence(error: BaseException) -> str | None:
             return f"{where}: not YAML ({error.problem})."
         case OSError() if error.filename is not None:
             return f"The run folder (hydra.run.dir) cannot be written: {error.filename}: {error.strerror}."
+        case RuntimeError() if (said := of_launcher(str(error))) is not None:
+            return said
+        case ConnectionError() if "Ray" in str(error):
+            return f"hydra/launcher=ray_cluster: {one_line(error).rstrip('.')}."
+        case _ if (launcher := _LAUNCHERS.get(type(error).__module__.partition(".")[0])) is not None:
+            again = "The same command with the same hydra.sweep.dir makes what is missing."
+            return f"hydra/launcher={launcher}: {one_line(error).rstrip('.')}. {again}"
         case ValueError() if isinstance(error.__cause__, OSError):  # the log file in the run folder
             return sentence(error.__cause__)
     return f"{one_line(error)}." if _raised_abroad(error) else None

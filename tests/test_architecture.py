@@ -16,6 +16,7 @@ FLOORS = {
     "hopdiff.numerics": 0,
     "hopdiff.messages": 0,
     "hopdiff.doors": 0,
+    "hopdiff.extras": 0,
     "hopdiff.objective": 0,
     "hopdiff.channels": 0,
     "hopdiff.geometry": 1,

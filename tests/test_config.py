@@ -12,12 +12,13 @@ from omegaconf import OmegaConf
 from hopdiff.choices import build_search
 from hopdiff.composing import compose, known_settings
 from hopdiff.config import build_job, checked, with_saved
+from hopdiff.doors import SEARCHES as DOOR
 from hopdiff.doors import config_folder
 from hopdiff.job import search_run
-from hopdiff.search import SEARCHES
 from hopdiff.types import HopdiffError
 
 CONF = config_folder()
+SEARCHES = {name: DOOR.load(name) for name in DOOR.own}
 GROUPS = ("model", "search", "character", "costs", "genes")
 CHOICES = [
     (group, path.stem)

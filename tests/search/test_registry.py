@@ -7,7 +7,7 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
-from hopdiff.search import SEARCHES
+from hopdiff.doors import SEARCHES as DOOR
 from hopdiff.search.base import Search
 from hopdiff.search.gradient import Gradient
 from hopdiff.search.hybrid import Hybrid
@@ -15,6 +15,7 @@ from hopdiff.search.loop import Budget, SearchResult, run_search
 from hopdiff.types import HopdiffError
 from tests.search import problems
 
+SEARCHES = {name: DOOR.load(name) for name in DOOR.own}
 CONF = Path(__file__).parents[2] / "conf" / "search"
 CASES = {
     # `ordinary` does not search: tests of its own.
