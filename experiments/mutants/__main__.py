@@ -71,6 +71,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--package", type=words, default=list(PARTS), help=f"some of {','.join(PARTS)}")
     parser.add_argument("--count", type=int, default=30, help="mutants of each, drawn evenly from its files")
     parser.add_argument("--seed", type=int, default=0, help="of the draw")
+    parser.add_argument(
+        "--longest", type=float, default=5.0, help="s of computing; tests that take longer are left out"
+    )
     parser.add_argument("--named", action="store_true", help="only the changes of named.yaml")
     parser.add_argument("--resume", action="store_true", help="keep what results.csv holds, and go on")
     parser.add_argument("--again", action="store_true", help="with --resume: try those that survived once more")
@@ -94,7 +97,7 @@ def run(options: argparse.Namespace, table: Path) -> None:
             if mutant.name in known:
                 continue
             known.add(mutant.name)
-            tests = order(measured(copy, PARTS[part].tests), mutant)
+            tests = order(measured(copy, PARTS[part].tests), mutant, options.longest)
             text = (ROOT / mutant.file).read_text(encoding="utf-8")
             with copy.changed(mutant.file, mutant.applied(text)):
                 outcome = copy.tried(tests)
@@ -172,16 +175,16 @@ def measured(copy: Copy, places: Iterable[str]) -> dict[str, Test]:
     return tests
 
 
-def order(tests: dict[str, Test], mutant: Mutant) -> dict[str, Test]:
+def order(tests: dict[str, Test], mutant: Mutant, longest: float) -> dict[str, Test]:
     """The tests that call the function of a mutant, quick ones first; outside of functions, those that use its file."""
-    place = f"{mutant.file}:{mutant.defined}"
 
-    def calls(test: Test) -> bool:
+    def concerned(test: Test) -> bool:
         if mutant.defined:
-            return place in test.functions
+            return f"{mutant.file}:{mutant.defined}" in test.functions
         return any(call.startswith(f"{mutant.file}:") for call in test.functions)
 
-    return dict(sorted(((n, t) for n, t in tests.items() if calls(t)), key=lambda pair: pair[1].seconds))
+    found = {name: test for name, test in tests.items() if test.seconds <= longest and concerned(test)}
+    return dict(sorted(found.items(), key=lambda pair: pair[1].seconds))
 
 
 def shown(text: str, mutant: Mutant) -> tuple[str, str]:

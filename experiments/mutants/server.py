@@ -35,7 +35,7 @@ LATE = 9  # exit status of a process whose test took too long
 
 
 class Test(NamedTuple):
-    """seconds: that it took unchanged. functions: those of hopdiff that it calls, as file:line of their beginning."""
+    """seconds: of computing, unchanged. functions: those of hopdiff that it calls, as file:line of their beginning."""
 
     seconds: float
     functions: frozenset[str]
@@ -140,7 +140,19 @@ class Copy:
             watch.told = self.folder / "told.json"
             # The libraries were read before pytest could rewrite what asserts they hold.
             quiet = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
-            options = [*quiet, "-x", "-q", "-p", "no:cacheprovider", "--rootdir", str(self.folder)]
+            # Tests of speed fail on a busy machine, whatever the code.
+            options = [
+                *quiet,
+                "-p",
+                "pytest_benchmark.plugin",
+                "--benchmark-skip",
+                "-x",
+                "-q",
+                "-p",
+                "no:cacheprovider",
+                "--rootdir",
+                str(self.folder),
+            ]
             code = int(pytest.main([*options, *files], plugins=[watch]))
             strange = {str(p) for p in watch.homes() if not Path(p).is_relative_to(self.folder)}
             watch.tell()
@@ -201,7 +213,7 @@ class _Watch:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Any:
-        begun = time.monotonic()
+        begun = time.process_time()
         if self.limits is not None:
             signal.signal(signal.SIGALRM, functools.partial(self._late, item.nodeid))
             signal.setitimer(signal.ITIMER_REAL, self.limits[item.nodeid])
@@ -211,7 +223,7 @@ class _Watch:
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             calls = {_place(code) for code in self.calls | self.shared}
-            self.tests[item.nodeid] = (time.monotonic() - begun, calls)
+            self.tests[item.nodeid] = (time.process_time() - begun, calls)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:
