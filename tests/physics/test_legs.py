@@ -219,6 +219,9 @@ def test_the_knee_runs_on_a_clamped_spline() -> None:
 
 def test_the_leg_angle_keeps_its_curvature_when_the_other_foot_lands() -> None:
     swing, e = swings(), 1e-4
+    # What the take-off leaves has faded by then, but its curvature fades slowly.
+    still = torch.zeros_like(swing.flight)
+    swing = swing._replace(start_rate=LegPose(still, still, still))
     near = torch.tensor([1.0 - 2.0 * e, 1.0 - e, 1.0], dtype=torch.float64).expand(len(swing.flight), -1)
     before = swing.first_flight(near).angle.diff().diff()[:, 0] / (e * swing.flight[:, 0]) ** 2
     far = torch.tensor([0.0, e, 2.0 * e], dtype=torch.float64).expand(len(swing.flight), -1)
