@@ -39,8 +39,8 @@ def _package(name: str, *more: str) -> Part:
 
 
 PARTS = {
-    "physics": _package("physics"),
-    "models": _package("models", "tests/test_kang1999.py"),
+    "physics": _package("physics", "tests/models"),
+    "models": _package("models"),
     "costs": Part(
         ("hopdiff/costs.py", "hopdiff/problem.py", "hopdiff/metrics.py"),
         ("tests/test_costs.py", "tests/test_problem.py", "tests/test_metrics.py"),

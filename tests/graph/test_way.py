@@ -421,7 +421,7 @@ def test_a_way_is_cut_into_more_and_more_legs_and_at_last_into_none(
     _, edit = bulging(9.0, 10**9)
     start, goal = Place((3.0, 2.0), 0.0), Place((3.0, 5.0), 0.0)
     with pytest.raises(HopdiffError, match="none can be bent"):
-        find_way(graph, hall(), start, goal, WaySettings(tries=1, leg=leg), edit_path=edit)  # type: ignore[arg-type]
+        find_way(graph, hall(), start, goal, WaySettings(tries=1, leg=leg, expansions=400), edit_path=edit)  # type: ignore[arg-type]
     assert asked == cuts
 
 
