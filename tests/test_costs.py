@@ -247,3 +247,164 @@ def test_penalty_starts_inside_the_constraint_and_is_smooth() -> None:
     assert price(1.0) == pytest.approx(LIMITS.penalty * (1.0 + LIMITS.margin) ** 2)
     tiny = 1e-6
     assert price(-LIMITS.margin + tiny) / tiny < 1e-4
+
+
+def styled(beta: float, style: StyleSettings) -> Trajectory:
+    """The ordinary run with every quantity of the style where the power law wants it."""
+    t, ratio = ordinary(), costs.energy_target(beta) / 0.25
+    height = t.com_height.mean() + (t.com_height - t.com_height.mean()) * ratio**style.bounce
+    used = (t.weights / t.duration.unsqueeze(-1)).unsqueeze(-1)
+    arms = [k for k, (name, _, _) in enumerate(JOINT_CHANNELS) if "shoulder" in name]
+    angles = t.angles.clone()
+    mean = (angles[..., arms] * used).sum((1, 2)) / 2.0
+    angles[..., arms] = mean + (angles[..., arms] - mean) * ratio**style.arm_swing
+    return t._replace(
+        contact_time=t.contact_time * ratio**style.contact_time,
+        flight_time=t.flight_time * ratio**style.flight_time,
+        com_height=height,
+        angles=angles,
+    )
+
+
+@pytest.mark.parametrize("beta", [0.15, 0.2, 0.6])
+def test_a_run_that_follows_the_power_law_has_the_style(beta: float) -> None:
+    style = StyleSettings(contact_time=-0.3, flight_time=0.5, bounce=0.7, arm_swing=-0.4)
+    right = float(costs.style_mismatch(styled(beta, style), problem().ordinary, style, beta))
+    assert right == pytest.approx(0.0, abs=1e-12)
+    for name in ("contact_time", "flight_time"):
+        off = styled(beta, style)
+        off = off._replace(**{name: getattr(off, name) * math.exp(0.2)})
+        assert float(costs.style_mismatch(off, problem().ordinary, style, beta)) == pytest.approx(0.04, rel=1e-6)
+
+
+def test_style_stays_where_it_is_below_half_of_the_ordinary_target() -> None:
+    # beta 1/9 asks for 1/8, half of the 1/4 of beta 0.2.
+    style, usual = StyleSettings(), problem().ordinary
+    calm = [float(costs.style_mismatch(ordinary(), usual, style, beta)) for beta in (0.0, 0.05, 1.0 / 9.0, 0.15)]
+    assert calm[0] == calm[1] == pytest.approx(calm[2], rel=1e-9)
+    assert calm[3] < 0.5 * calm[2]
+
+
+@pytest.mark.parametrize(("beta", "demand"), [(0.0, 0.1), (1.0 / 9.0, 0.25), (1.0 / 6.0, 0.64), (0.2, 1.0)])
+def test_below_the_ordinary_run_demand_falls_with_the_square_of_the_target(beta: float, demand: float) -> None:
+    miss = 0.3 * 0.25  # in units of the ordinary target, however small the target itself
+    found = float(costs.energy_mismatch(column(costs.energy_target(beta) + miss), beta))
+    assert found == pytest.approx(demand * 0.09, rel=1e-9)
+
+
+def test_energy_rate_of_many_joints_is_a_sum_over_joints_and_time() -> None:
+    body, t = make_character(), ordinary()
+    accelerations = torch.zeros_like(t.accelerations)
+    accelerations[..., 3], accelerations[..., 8] = 7.0, torch.linspace(0.0, 9.0, accelerations.shape[1]).double()
+    work = costs.joint_effort(t._replace(accelerations=accelerations), body)[0]
+    knee, waist = body.skeleton.index("right_knee"), body.skeleton.index("waist")
+    assert float(work[3]) == pytest.approx(float(body.inertias[knee, 0] * 49.0 * t.duration), rel=1e-9)
+    by_hand = float(body.inertias[waist, 0]) * float((accelerations[0, :, 8] ** 2 * t.weights[0]).sum())
+    assert float(work[8]) == pytest.approx(by_hand, rel=1e-9)
+    assert float(work.sum()) == pytest.approx(float(work[3] + work[8]))
+
+
+def test_posture_is_the_squared_miss_of_the_mean_lean() -> None:
+    angles = torch.zeros_like(ordinary().angles)
+    lean = [name for name, _, _ in JOINT_CHANNELS].index("trunk_lean")
+    half = angles.shape[1] // 2
+    angles[:, :half, lean], angles[:, half:, lean] = 0.1, 0.4
+    duty = float(ordinary().contact_time / costs.step_time(ordinary()))
+    found = float(costs.posture_mismatch(ordinary()._replace(angles=angles), 0.05))
+    assert found == pytest.approx((0.1 * duty + 0.4 * (1.0 - duty) - 0.05) ** 2, rel=1e-6)
+
+
+def test_moments_that_are_not_used_say_nothing() -> None:
+    t = ordinary()
+    spoiled = t._replace(
+        weights=torch.cat((t.weights, torch.zeros_like(t.weights[:, :1])), dim=-1),
+        angles=torch.cat((t.angles, torch.full_like(t.angles[:, :1], 9.0)), dim=1),
+        leg_force=torch.cat((t.leg_force, torch.full_like(t.leg_force[:, :1], 99.0)), dim=-1),
+        com_height=torch.cat((t.com_height, torch.full_like(t.com_height[:, :1], 99.0)), dim=-1),
+    )
+    assert float(costs.com_bounce(spoiled)) == float(costs.com_bounce(t))
+    plain, other = (costs.excesses(x, make_character(), LIMITS) for x in (t, spoiled))
+    for status, value in plain.items():
+        assert float(other[status]) == float(value), status
+
+
+UNITS = {
+    Status.LEG_OVERREACH: {"reach": column(LIMITS.reach + 0.05)},
+    Status.LEG_FORCE: {"leg_force": torch.full_like(ordinary().leg_force, LIMITS.leg_force_bw + 2.0)},
+    Status.BALANCE_UNSTABLE: {"sway_stiffness": column(LIMITS.sway_stiffness - 0.1)},
+    Status.NO_FLIGHT: {"flight_time": column(LIMITS.flight_time_s - 0.02)},
+    Status.FOOT_UNDERGROUND: {
+        "foot_height": torch.full_like(
+            ordinary().foot_height, -1e-3 * LIMITS.foot_below_ground_mm - 0.05 * make_character().leg_length
+        )
+    },
+}
+
+
+@pytest.mark.parametrize("status", list(UNITS))
+def test_an_excess_of_one_is_gross(status: Status) -> None:
+    found = costs.excesses(ordinary()._replace(**UNITS[status]), make_character(), LIMITS)
+    assert float(found[status]) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_one_foot_below_the_ground_is_enough() -> None:
+    for side in (0, 1):
+        feet = ordinary().foot_height.abs()
+        feet[0, 5, side] = -0.03
+        found = costs.excesses(ordinary()._replace(foot_height=feet), make_character(), LIMITS)
+        wanted = (0.03 - 0.0005) / (0.05 * make_character().leg_length)
+        assert float(found[Status.FOOT_UNDERGROUND]) == pytest.approx(wanted, rel=1e-9)
+
+
+def test_a_knee_that_folds_in_the_air_does_not_collapse() -> None:
+    knee = [name for name, _, _ in JOINT_CHANNELS].index("left_knee")
+    bend = math.radians(LIMITS.knee_stance_deg)
+    for standing, wanted in ((True, 1.0), (False, -2.0 * bend)):
+        angles = torch.zeros_like(ordinary().angles)
+        angles[..., knee] = torch.where((ordinary().leg_force > 0) == standing, bend + 0.5, 0.0)
+        found = costs.excesses(ordinary()._replace(angles=angles), make_character(), LIMITS)
+        assert float(found[Status.LEG_COLLAPSED]) == pytest.approx(wanted, rel=1e-6)
+
+
+BENT = [
+    *((f"{side}_{joint}", joint) for side in ("left", "right") for joint in ("knee", "shoulder", "elbow")),
+    *(("left_thigh", "hip"), ("right_thigh", "hip"), ("trunk_lean", "waist"), ("neck_flex", "neck")),
+]
+
+
+@pytest.mark.parametrize(("name", "kind"), BENT)
+def test_every_joint_is_held_in_its_own_range(name: str, kind: str) -> None:
+    body, names = make_character(), [name for name, _, _ in JOINT_CHANNELS]
+    middle = torch.zeros_like(ordinary().angles)
+    for channel, joint in BENT:
+        middle[..., names.index(channel)] = sum(body.limits[joint]) / 2.0
+    low, high = body.limits[kind]
+    for tilt in (0.0, 0.1):
+        # The pelvis tips forward under the trunk: hips fold by as much more, the waist by as much less.
+        more = {"hip": tilt, "waist": -tilt}.get(kind, 0.0)
+        for beyond in (high - more + 0.3, low - more - 0.3):
+            angles = middle.clone()
+            angles[0, 7, names.index(name)] = beyond
+            t = ordinary()._replace(angles=angles, pelvis_tilt=column(tilt))
+            found = costs.excesses(t, body, LIMITS)[Status.JOINT_LIMIT]
+            assert float(found) == pytest.approx(0.3 / 0.5, rel=1e-9)
+
+
+def test_the_worst_constraint_names_the_failure() -> None:
+    excess = {Status.LEG_FORCE: column(0.1, 0.3, -0.1), Status.NO_FLIGHT: column(0.2, 0.1, 0.0)}
+    solved = torch.tensor([True, True, True])
+    assert costs.status_of(excess, solved).tolist() == [Status.NO_FLIGHT, Status.LEG_FORCE, Status.OK]
+
+
+def test_penalties_add_up_over_constraints() -> None:
+    excess = {Status.LEG_FORCE: column(0.3), Status.NO_FLIGHT: column(0.5), Status.LEG_OVERREACH: column(-1.0)}
+    limits = LimitSettings(penalty=3.0, margin=0.1)
+    assert float(costs.penalty(excess, limits)) == pytest.approx(3.0 * (0.4**2 + 0.6**2))
+
+
+def test_connectivity_of_a_limp_is_the_mean_of_its_two_take_offs() -> None:
+    before, after = [2.0, 0.0, 1.0, 0.0], [1.0, 3.0, -1.0, 0.5]
+    one = [float(costs.connectivity(with_rates(*pair), "smooth", 0.5)) for pair in ((before, after), (after, after))]
+    both = float(costs.connectivity(with_rates(before + after, after + after), "smooth", 0.5))
+    assert one[1] == 0.0
+    assert both == pytest.approx(0.5 * one[0])

@@ -8,8 +8,10 @@ from dataclasses import replace
 import pytest
 import torch
 
+from hopdiff import costs
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.metrics import loop_error, motion_metrics, run_metrics, stance_foot_drift
+from hopdiff.models.trajectory import JOINT_CHANNELS
 from hopdiff.motion import Motion
 from tests.builders import make_problem, valid_genes
 
@@ -131,3 +133,70 @@ def test_a_loop_that_drops_is_measured_in_metres(stride: tuple[dict[str, float],
     root[-1, 1] -= 0.004
     broken = replace(motion, clip=replace(motion.clip, root_position=root))
     assert loop_error(broken) == pytest.approx(0.004, abs=1e-6)
+
+
+@pytest.mark.parametrize("leg", ["left", "right"])
+def test_the_legs_of_a_limp_are_told_apart(leg: str) -> None:
+    problem = make_problem("speed=3.5", "beta=0.3", "limp.amount=0.3", f"limp.leg={leg}")
+    m = run_metrics(problem, problem.ordinary_genes)
+    sound = "right" if leg == "left" else "left"
+    assert m[f"contact_time_{leg}"] == pytest.approx(0.7 * m[f"contact_time_{sound}"], rel=1e-6)
+    assert m["contact_time"] == pytest.approx(0.5 * (m["contact_time_left"] + m["contact_time_right"]), rel=1e-9)
+    # The body leans over the sound leg, left positive.
+    assert math.copysign(1.0, m["trunk_side_deg"]) == (-1.0 if leg == "left" else 1.0)
+
+
+def test_terms_and_both_forms_of_gamma_are_told() -> None:
+    problem = make_problem("speed=5", "beta=0.5")
+    genes = valid_genes(problem, 1, seed=11)
+    m, trajectory = run_metrics(problem, genes[0]), problem.trajectory(genes)
+    result = problem.evaluate(genes, with_grad=False)
+    assert m["cost"] == float(result.cost)
+    for name in ("energy_match", "leg_force", "style", "posture", "ordinary"):
+        assert m[f"cost_{name}"] == float(result.terms[name])
+    for form in ("smooth", "ratio"):
+        gamma = costs.connectivity(trajectory, form, problem.settings.gamma_guard)
+        assert m[f"gamma_{form}"] == pytest.approx(float(gamma))
+    assert m["gamma"] == m["gamma_smooth"] != m["gamma_ratio"]
+    assert m["step_width"] == pytest.approx(float(problem.table.decode(genes)["step_width"]))
+    assert m["stance_leg_reach"] == float(trajectory.reach)
+    assert m["arm_swing_deg"] == pytest.approx(math.degrees(float(costs.arm_swing(trajectory))))
+    assert m["joint_limit_excess_deg"] == 0.0
+
+
+def test_a_joint_beyond_its_range_is_told_in_degrees() -> None:
+    problem = make_problem("speed=5", "beta=0.5", "character.joint_limits_deg.elbow=[0,40]")
+    genes = problem.ordinary_genes
+    column = [name for name, _, _ in JOINT_CHANNELS].index("left_elbow")
+    angles = problem.trajectory(genes[None]).angles
+    bent = math.degrees(float(angles[..., [column, column + 1]].max()))
+    assert bent > 41.0
+    assert run_metrics(problem, genes)["joint_limit_excess_deg"] == pytest.approx(bent - 40.0, rel=1e-6)
+
+
+def test_ranges_and_means_of_the_frames(stride: tuple[dict[str, float], Motion]) -> None:
+    _, motion = stride
+    frames = len(motion.times)
+    swing = torch.linspace(-0.2, 0.3, frames, dtype=torch.float64)
+    com = torch.stack((2.0 * swing, swing, swing), dim=-1)
+    angles = motion.angles | {"trunk": swing, "trunk_side": -0.5 * swing}
+    force = torch.zeros_like(motion.leg_force)
+    force[4, 1] = 3.25
+    m = motion_metrics(replace(motion, com=com, angles=angles, leg_force=force))
+    assert m["com_side_range"] == pytest.approx(1.0)
+    # The last frame is the first of the next stride and counts only where a range is closed by it.
+    assert m["com_oscillation"] == pytest.approx(0.5 * (frames - 2) / (frames - 1))
+    assert m["trunk_lean_range_deg"] == pytest.approx(math.degrees(0.5))
+    assert m["trunk_side_range_deg"] == pytest.approx(math.degrees(0.25))
+    mean = float(swing[:-1].mean())
+    assert m["trunk_lean_deg"] == pytest.approx(math.degrees(mean))
+    assert m["trunk_side_deg"] == pytest.approx(math.degrees(0.5 * mean))
+    assert m["peak_leg_force_bw"] == 3.25
+
+
+def test_a_loop_that_walks_off_sideways_is_measured_too(stride: tuple[dict[str, float], Motion]) -> None:
+    _, motion = stride
+    root = motion.clip.root_position.clone()
+    root[-1, 0] += 0.007
+    root[-1, 2] += 5.0
+    assert loop_error(replace(motion, clip=replace(motion.clip, root_position=root))) == pytest.approx(0.007, abs=1e-6)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 
 import pytest
 import torch
 from torch import Tensor
 
+from hopdiff import costs
 from hopdiff.composing import compose
 from hopdiff.config import build_job
 from hopdiff.problem import RunProblem
 from hopdiff.types import HopdiffError, Status
+from tests.builders import make_problem
 
 
 def problem(*settings: str) -> RunProblem:
@@ -133,3 +136,61 @@ def test_single_precision_prices_alike() -> None:
 def test_a_speed_without_an_ordinary_run_is_refused(speed: float, says: str) -> None:
     with pytest.raises(HopdiffError, match=says):
         problem(f"speed={speed}")
+
+
+@pytest.mark.parametrize("beta", [0.1, 0.7])
+def test_the_merit_is_the_sum_of_its_terms(beta: float) -> None:
+    p = make_problem("speed=4", f"beta={beta}", "genes.fixed.step_width=0.11")
+    s, genes = p.settings, draw(p, 6)
+    t = p.trajectory(genes)
+    merit, terms, _ = p.price(genes, t)
+    raw = costs.energy_rate_raw(t, p.character)
+    energy = raw / p.ordinary.energy_unit
+    free = p.table.free > 0
+    away = torch.stack([((row - p.ordinary_genes)[free] ** 2).sum() / p.dimension for row in genes])
+    lean = math.radians(s.style.trunk_lean_deg)
+    wanted = {
+        "eval": costs.evaluation(costs.connectivity(t, s.gamma, s.gamma_guard), energy, beta),
+        "energy_match": s.energy_match * costs.energy_mismatch(energy, beta),
+        "leg_force": s.leg_force * (1.0 - beta) * costs.leg_effort(t),
+        "style": s.style.weight * costs.style_mismatch(t, p.ordinary, s.style, beta),
+        "posture": s.style.trunk_lean_weight * costs.posture_mismatch(t, lean),
+        "ordinary": s.ordinary * away,
+        "penalty": costs.penalty(costs.excesses(t, p.character, s.limits), s.limits),
+    }
+    for name, value in wanted.items():
+        assert float(value.abs().max()) > 0.0, name
+        torch.testing.assert_close(terms[name], value, rtol=1e-9, atol=1e-15, msg=name)
+    torch.testing.assert_close(merit, sum(wanted.values()), rtol=1e-9, atol=0.0)
+    torch.testing.assert_close(terms["energy_raw"], raw)
+    torch.testing.assert_close(terms["energy"], energy)
+
+
+def test_the_ordinary_run_is_measured_on_sound_legs() -> None:
+    p = make_problem("speed=4")
+    usual = p.ordinary
+    t = p.trajectory(p.ordinary_genes[None])
+    assert usual.contact_time == pytest.approx(float(t.contact_time), rel=1e-9)
+    assert usual.flight_time == pytest.approx(float(t.flight_time), rel=1e-9)
+    assert usual.bounce == pytest.approx(float(costs.com_bounce(t)), rel=1e-9)
+    assert usual.arm_swing == pytest.approx(float(costs.arm_swing(t)), rel=1e-9)
+    assert make_problem("speed=4", "limp.amount=0.3").ordinary == usual
+
+
+def test_what_breaks_a_constraint_keeps_its_merit_and_loses_its_cost() -> None:
+    p = make_problem("speed=5", "beta=0.5")
+    result = p.evaluate(draw(p, 64, seed=4), with_grad=True)
+    broken = result.status != Status.OK
+    assert 0 < int(broken.sum()) < 64
+    assert bool(torch.isinf(result.cost[broken]).all())
+    torch.testing.assert_close(result.cost[~broken], result.merit[~broken], rtol=0.0, atol=0.0)
+    computable = broken & (result.status != Status.STANCE_UNSOLVED)
+    assert bool(torch.isfinite(result.merit[computable]).all())
+    assert result.grad is not None
+    assert bool((result.grad[computable].abs().amax(-1) > 0.0).all())
+    assert p.evaluate(draw(p, 2), with_grad=False).grad is None
+
+
+def test_froude_speed_is_that_over_the_root_of_g_and_leg_length() -> None:
+    p = make_problem("speed=4")
+    assert p.froude == pytest.approx(4.0 / math.sqrt(9.81 * p.character.leg_length), rel=1e-3)

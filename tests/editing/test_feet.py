@@ -9,7 +9,7 @@ from functools import cache
 import pytest
 import torch
 
-from hopdiff.editing.contacts import Contacts, find_contacts, slide_numbers, spans
+from hopdiff.editing.contacts import Contacts, contact_points, find_contacts, slide_numbers, spans
 from hopdiff.editing.feet import clean_feet
 from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.loop import repeated
@@ -26,6 +26,15 @@ TURNS = (("aside", None), ("same place", 90.0), ("aside", 90.0), ("back", 180.0)
 @cache
 def own_run() -> Clip:
     return repeated(stride(), 6)
+
+
+@cache
+def sliding_run() -> Clip:
+    """The same on a floor that carries it to the left at 0.2 m/s, and its feet with it."""
+    clip = own_run()
+    root = clip.root_position.clone()
+    root[:, 0] += 0.2 * clip.frame_time * torch.arange(clip.frames)
+    return replace(clip, root_position=root)
 
 
 def clip_of(name: str) -> Clip:
@@ -186,3 +195,42 @@ def test_feet_that_slide_in_the_source_can_be_held_too(name: str) -> None:
     assert fastest(still) < 1.5 * fastest(clip)
     for frame in ends:
         assert (still.rotations[frame] - clip.rotations[frame]).abs().max() < 1e-6
+
+
+def test_a_foot_does_in_a_contact_what_it_did_turned_by_the_mean_and_where_it_was_led() -> None:
+    """One turn and shift for all frames of a contact: the means of what the edit does to its frames."""
+    clip = sliding_run()
+    contacts = contacts_of(clip)
+    moved = edited(clip, "same place", 90.0)
+    clean = clean_feet(clip, moved, contacts.legs, contacts)
+    turn = root_path(moved).yaw - root_path(clip).yaw
+    ground = [torch.complex(p[..., 2], p[..., 0]) for p in (contact_points(c, contacts) for c in (clip, moved, clean))]
+    source, led, found = ground
+    turned = 0.0
+    for leg in (0, 1):
+        for first, last in contacts.plants(leg):
+            here = slice(first, last + 1)
+            own = source[here, leg] - source[here, leg].mean()
+            mean = turn[here].mean()
+            wanted = led[here, leg].mean() + torch.polar(torch.ones_like(mean), mean) * own
+            assert float((found[here, leg] - wanted).abs().max()) < 1e-5
+            turned = max(turned, float((turn[first] - mean).abs() * own.abs().max()))
+    # What the first frame's turn would put elsewhere.
+    assert turned > 1e-4
+
+
+def test_frames_that_stay_say_where_a_foot_stands() -> None:
+    clip = sliding_run()
+    contacts = contacts_of(clip)
+    moved = edited(clip, "same place", 90.0)
+    first, last = contacts.plants(0)[2]
+    kept = (first + last) // 2
+    clean = clean_feet(clip, moved, contacts.legs, contacts, (kept,))
+    assert (clean.rotations[kept] - moved.rotations[kept]).abs().max() < 1e-6
+    before, led, found = (
+        torch.complex(p[:, 0, 2], p[:, 0, 0]) for p in (contact_points(c, contacts) for c in (clip, moved, clean))
+    )
+    turn = (root_path(moved).yaw - root_path(clip).yaw)[kept]
+    here = slice(first, last + 1)
+    wanted = led[kept] + torch.polar(torch.ones_like(turn), turn) * (before[here] - before[kept])
+    assert float((found[here] - wanted).abs().max()) < 1e-5

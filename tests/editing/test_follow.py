@@ -74,3 +74,59 @@ def test_bound_frames_hold_both_ends_and_are_not_too_many(frames: int, frame_tim
     bound = bound_frames(frames, frame_time)
     assert (bound[0], bound[-1]) == (0, frames - 1)
     assert len(bound) == len(set(bound)) <= MOST + 1
+
+
+def test_a_straight_walk_on_a_straight_line_is_turned_as_a_whole() -> None:
+    """Way, sway and facing keep their shape: the path is that of the clip, turned and moved."""
+    path = walk(240, facing=0.4)
+    middle = middle_line(path.place, FRAME)
+    length = float(middle.diff(dim=0).norm(dim=-1).sum())
+    turn, start = 1.1, torch.tensor([3.0, -2.0], dtype=torch.float64)
+    way = torch.tensor([math.sin(0.3 + turn), math.cos(0.3 + turn)], dtype=torch.float64)
+    line = curve_through(torch.stack((start, start + 0.5 * length * way, start + length * way)).numpy())
+    laid, bound = follow(path, FRAME, line)
+    c, s = math.cos(turn), math.sin(turn)
+    x, z = (path.place - path.place[0]).unbind(-1)
+    wanted = start + torch.stack((c * x + s * z, c * z - s * x), dim=-1)
+    assert (laid.place - wanted).abs().max() < 0.02
+    # Sway alone, across the line, is exact but for the bends of the middle line at its ends.
+    across = torch.tensor([way[1], -way[0]], dtype=torch.float64)
+    middle_of = slice(60, 180)
+    assert ((laid.place - wanted) @ across)[middle_of].abs().max() < 3e-3
+    assert (laid.yaw - path.yaw - turn).abs()[middle_of].max() < 0.02
+    for constraint in bound:
+        assert constraint.place == pytest.approx(tuple(laid.place[constraint.frame].tolist()))
+        assert constraint.yaw == pytest.approx(float(laid.yaw[constraint.frame]))
+    assert [b.frame for b in bound] == bound_frames(240, FRAME)
+
+
+def test_one_who_stands_faces_as_the_curve_does_where_it_would_go_on() -> None:
+    path = walk(240)
+    place = path.place.clone()
+    place[120:160] = place[120]
+    place[160:] -= place[160] - place[120]
+    laid, _ = follow(RootPath(place, path.yaw), FRAME, bends(9.0))
+    assert torch.isfinite(laid.place).all()
+    assert float(laid.yaw.diff().abs().max()) < 0.1
+    still = RootPath(path.place[:1].expand(50, 2), path.yaw[:50])
+    laid, _ = follow(still, FRAME, bends(9.0))
+    torch.testing.assert_close(laid.yaw, bends(9.0).heading(torch.zeros(50).double()), rtol=0.0, atol=1e-9)
+
+
+def test_frames_are_bound_every_fifth_of_a_second() -> None:
+    assert bound_frames(61, 1 / 30) == list(range(0, 61, 6))
+    assert bound_frames(5, 1 / 30) == [0, 4]
+    assert len(bound_frames(10_001, 1 / 30)) == MOST + 1
+    assert bound_frames(3, 1.0) == [0, 1, 2]
+
+
+def test_a_middle_line_is_a_mean_over_time_by_a_bell() -> None:
+    """Of a sine far from its ends: the bell of 0.4 s takes exp(-(w s)^2 / 2) of it."""
+    time = 0.02 * torch.arange(1000, dtype=torch.float64)
+    place = torch.stack((torch.sin(3.0 * time), 1.5 * time), dim=-1)
+    middle = middle_line(place, 0.02)[300:700]
+    torch.testing.assert_close(middle[:, 0], place[300:700, 0] * math.exp(-0.72), rtol=0.0, atol=2e-3)
+    torch.testing.assert_close(middle[:, 1], place[300:700, 1], rtol=0.0, atol=1e-9)
+    # Mirrored about its ends, a straight line stays one.
+    straight = torch.stack((time, 2.0 - 0.5 * time), dim=-1)
+    torch.testing.assert_close(middle_line(straight, 0.02), straight, rtol=0.0, atol=1e-9)

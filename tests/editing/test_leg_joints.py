@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from hopdiff.editing.leg_joints import Leg, facing, find_legs
+from hopdiff.editing.leg_joints import Leg, facing, find_legs, plain_name
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
@@ -129,3 +129,56 @@ def test_a_wrong_map_is_told(joints: dict[str, str], said: str) -> None:
     with pytest.raises(HopdiffError) as caught:
         find_legs(skeleton(MAKES["nonsense"]), joints)
     assert said in str(caught.value)
+
+
+def test_hips_above_each_other_face_nowhere() -> None:
+    body = skeleton(MAKES["plain"])
+    offsets = body.offsets.clone()
+    offsets[[1, 5]] = torch.tensor([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]], dtype=torch.float64)
+    assert facing(replace(body, offsets=offsets), find_legs(body)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "plain"),
+    [
+        ("mixamorig:LeftUpLeg", ("left", "upleg")),
+        ("RightToeBase", ("right", "toebase")),
+        ("Bip01 L Thigh", ("left", "thigh")),
+        ("thigh.R", ("right", "thigh")),
+        ("leftfoot", ("left", "foot")),
+        ("LHipJoint", ("left", "hipjoint")),
+        ("RHip", ("right", "hip")),
+        ("lHand", ("left", "hand")),
+        ("Spine1", (None, "spine")),
+        ("root", (None, "root")),
+        ("jnt", (None, "jnt")),
+    ],
+)
+def test_names_are_split_into_side_and_part(name: str, plain: tuple[str | None, str]) -> None:
+    assert plain_name(name) == plain
+
+
+def test_of_two_hips_in_a_chain_the_nearer_to_the_knee_counts_and_of_toes_the_first() -> None:
+    names = ("Hips", "LHipJoint", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase", "LeftToe")
+    names = (*names, "RHipJoint", "RightUpLeg", "RightLeg", "RightFoot", "RightToeBase", "RightToe")
+    leg = [[0.0, 0.0, 0.0], [0.1, -0.05, 0.0], [0.0, -0.4, 0.0], [0.0, -0.4, 0.0], [0.0, -0.05, 0.1], [0.0, 0.0, 0.1]]
+    offsets = torch.tensor([[0.0, 0.9, 0.0], *leg, *leg], dtype=torch.float64)
+    offsets[8, 0] = -0.1
+    parents = (-1, 0, 1, 2, 3, 4, 5, 0, 7, 8, 9, 10, 11)
+    assert find_legs(Skeleton(names, parents, offsets)) == (Leg("left", 2, 3, 4, 5), Leg("right", 8, 9, 10, 11))
+
+
+def test_shapes_that_do_not_mirror_each_other_are_no_legs() -> None:
+    body = skeleton(MAKES["nonsense"])
+    assert len(find_legs(body)) == 2
+    both_left = body.offsets.clone()
+    both_left[5] = both_left[1] + torch.tensor([0.3, 0.0, 0.0])
+    assert find_legs(replace(body, offsets=both_left)) == ()
+    # Legs that end higher than a quarter of the body below its root are arms, or a tail.
+    short = body.offsets.clone()
+    short[[2, 3, 4, 6, 7, 8]] *= 0.1
+    tall = torch.cat((short, torch.tensor([[0.0, 3.0, 0.0]], dtype=torch.float64)))
+    assert find_legs(Skeleton((*body.names, "z"), (*body.parents, 0), tall)) == ()
+    # The two longest bones are thigh and shank, below a short hip.
+    swapped = replace(body, offsets=body.offsets * torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64))
+    assert find_legs(swapped) == (Leg("left", 5, 6, 7, 8), Leg("right", 1, 2, 3, 4))

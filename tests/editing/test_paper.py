@@ -88,3 +88,31 @@ def test_what_cannot_be_is_told() -> None:
         edit_path_as_paper(path, FRAME, (0.0, 0.0), None, PaperSettings(theta="bend"))
     with pytest.raises(HopdiffError, match="at least 3 frames, not 2"):
         edit_path_as_paper(RootPath(path.place[:2], path.yaw[:2]), FRAME, (0.0, 0.0), None, TURN)
+
+
+@pytest.mark.parametrize("theta", ["turn", "tangent"])
+def test_a_spline_changes_nothing_as_the_problem_is_linear_in_the_states(theta: str) -> None:
+    """The change is that of the last state alone, whatever the Laplacian of the rest: detail taken out comes back."""
+    path = walk(100)
+    plain, smooth = (
+        edit_path_as_paper(path, FRAME, aside(path), float(path.yaw[-1]) + 1.2, replace(TURN, theta=theta, smooth=s))
+        for s in (False, True)
+    )
+    assert plain.rounds == smooth.rounds > 1
+    assert (plain.path.place - smooth.path.place).abs().max() < 1e-9
+    assert (plain.path.yaw - smooth.path.yaw).abs().max() < 1e-9
+
+
+def test_a_spline_is_the_least_squares_fit_on_even_knots() -> None:
+    """The residual is orthogonal to every cubic that is smooth across the knots, a third of a second apart."""
+    generator = torch.Generator().manual_seed(0)
+    values = torch.randn(61, 2, dtype=torch.float64, generator=generator)
+    rest = (values - splined(values, FRAME)).T
+    at = torch.arange(61, dtype=torch.float64)
+    truncated = [(at - 10.0 * k).clamp_min(0.0) ** 3 for k in range(1, 6)]
+    for basis in (torch.ones(61).double(), at, at**2, at**3, *truncated):
+        assert float((rest @ (basis / basis.norm())).abs().max()) < 1e-9
+    cubic = torch.stack((0.3 * at - 1e-4 * at**3, at**2), dim=-1)
+    torch.testing.assert_close(splined(cubic, FRAME), cubic, rtol=1e-9, atol=1e-9)
+    few = values[:3]
+    assert torch.equal(splined(few, FRAME), few)

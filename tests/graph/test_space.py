@@ -113,3 +113,72 @@ def test_points_outside_the_grid_are_not_free() -> None:
     grid = FreeSpace(hall(), HALF).grid
     places = np.array([-50.0 - 50.0j, 1e6 + 0j, 3.0 + 99.0j, 3.0 + 3.0j])
     assert grid.free[grid.index(places)].tolist() == [False, False, False, True]
+
+
+def elsewhere() -> Scene:
+    """A room away from the origin, with a table."""
+    return hall_at(-7.0, 11.0)
+
+
+def hall_at(x: float, z: float) -> Scene:
+    return Scene(
+        "away", {"room": rectangle(x, z, 3.0, 5.0)}, furniture={"table": rectangle(x + 1.0, z + 2.0, 1.0, 1.0)}
+    )
+
+
+def test_nodes_have_their_places_and_places_their_nodes() -> None:
+    grid = FreeSpace(elsewhere(), HALF).grid
+    numbers = np.arange(grid.free.size)
+    places = grid.place(numbers)
+    rng = np.random.default_rng(0)
+    near = places + grid.cell * rng.uniform(-0.49, 0.49, places.shape)
+    x, z = grid.index(near[:, 1] + 1j * near[:, 0])
+    np.testing.assert_array_equal(x * grid.shape[1] + z, numbers)
+    np.testing.assert_allclose(np.diff(places[: grid.shape[1]], axis=0), [[0.0, grid.cell]] * (grid.shape[1] - 1))
+    # The room with a margin around it, so that what lies outside is never free.
+    np.testing.assert_allclose(grid.low, [-7.0 - 2 * grid.cell, 11.0 - 2 * grid.cell])
+    assert (places[-1] > [-4.0 + grid.cell, 16.0 + grid.cell]).all()
+    for side in (grid.free[0], grid.free[-1], grid.free[:, 0], grid.free[:, -1]):
+        assert not side.any()
+
+
+def test_free_nodes_are_those_a_half_width_off_everything() -> None:
+    space = FreeSpace(elsewhere(), HALF)
+    free = space.depth(space.grid.place(np.arange(space.grid.free.size))) >= HALF - 1e-9
+    np.testing.assert_array_equal(space.grid.free.reshape(-1), free)
+
+
+def test_the_nearest_free_node_and_the_nearest_clear_point_lie_just_off_the_table() -> None:
+    space = FreeSpace(elsewhere(), HALF)
+    inside = (-5.9, 13.5)
+    node = space.grid.place(np.array(space.grid.nearest_free(inside)))
+    assert node[0] == pytest.approx(-6.25, abs=1.5 * space.grid.cell)
+    assert node[1] == pytest.approx(13.5, abs=space.grid.cell)
+    spot = space.nearest(inside)
+    assert spot == pytest.approx((-6.25, 13.5), abs=3e-3)
+    assert space.clear([spot])
+    assert space.nearest((-6.5, 12.0)) == pytest.approx((-6.5, 12.0))
+
+
+def test_steps_along_the_grid_are_straight_diagonal_or_like_a_knight() -> None:
+    grid = FreeSpace(hall(), HALF).grid
+    start = (1.0, 1.0)
+    for x, z in ((0, 1), (1, 0), (1, 1), (1, 2), (2, 1), (2, -1), (1, -2), (1, -1)):
+        goal = (3.0 + 0.4 * x, 7.0 + 0.4 * z)
+        found = grid.length(grid.geodesic(goal), (3.0, 7.0))
+        # Ten or so of one kind of step lie on the straight line; ways start and end on nodes.
+        assert found == pytest.approx(0.4 * math.hypot(x, z), abs=1.5 * grid.cell)
+        there, back = grid.length(grid.geodesic(goal), start), grid.length(grid.geodesic(start), goal)
+        assert there == pytest.approx(back)
+    ways = grid.geodesic(start)
+    assert int(ways.towards[grid.nearest_free(start)]) < 0
+    assert grid.line(ways, start).shape == (1, 2)
+
+
+def test_a_place_that_touches_two_things_names_the_nearer() -> None:
+    space = FreeSpace(elsewhere(), HALF)
+    with pytest.raises(HopdiffError, match=r"lies 0.10 m from furniture 'table', nearer than"):
+        space.check("start", (-6.1, 13.5))
+    with pytest.raises(HopdiffError, match=r"lies 0.05 m from a wall"):
+        space.check("start", (-6.95, 13.5))
+    space.check("start", (-6.75, 11.25))

@@ -11,15 +11,17 @@ import torch
 
 from hopdiff.editing.root_path import RootPath, root_path
 from hopdiff.editing.targets import Constraint, EditedPath, edit_path
+from hopdiff.graph import way as way_module
+from hopdiff.graph.blend import assemble
 from hopdiff.graph.graph import MotionGraph, build_graph
 from hopdiff.graph.moves import moves_of, standing
 from hopdiff.graph.scene import Place, Scene
 from hopdiff.graph.scene_file import read_scene
-from hopdiff.graph.sections import cut_way
+from hopdiff.graph.sections import cut_way, pieces_of, start_states
 from hopdiff.graph.settings import WaySettings
 from hopdiff.graph.space import FreeSpace
 from hopdiff.graph.way import Way, find_way
-from hopdiff.graph.way_search import Allowance, Goal, State, WaySearch
+from hopdiff.graph.way_search import Allowance, Found, Goal, State, WaySearch
 from hopdiff.types import HopdiffError
 from tests.graph.rooms import hall, split_hall, two_rooms
 from tests.graph.walkers import angles_between, mocap, walker, wanderer
@@ -301,3 +303,134 @@ def test_walks_are_found_between_places_drawn_at_random(captured: MotionGraph, n
         spots = [Place(tuple(grid.place(rng.choice(free)).tolist()), rng.uniform(-math.pi, math.pi)) for _ in range(2)]
         way = find_way(captured, scene, *spots)
         check_way(way, scene, *spots)
+
+
+def test_pieces_show_every_frame_of_a_chain_and_end_where_it_does(graph: MotionGraph) -> None:
+    """Walks of random moves, in one leg or two."""
+    moves = moves_of(graph)
+    rng = np.random.default_rng(3)
+    jumped = 0
+    for _ in range(12):
+        frame = int(rng.integers(0, graph.frames // 2))
+        state, taken, states = State(frame, 2.0 - 1.0j, 0.7), [], []
+        while len(taken) < 6 and moves.first[frame + 1] > moves.first[frame]:
+            move = int(rng.integers(moves.first[frame], moves.first[frame + 1]))
+            taken.append(move)
+            place = state.place + np.exp(1j * state.yaw) * complex(moves.place[move, -1])
+            state = State(int(moves.end[move]), complex(place), state.yaw + float(moves.yaw[move, -1]))
+            states.append(state)
+            frame = state.frame
+        start = State(int(np.searchsorted(moves.first, taken[0], side="right")) - 1, 2.0 - 1.0j, 0.7)
+        jumped += sum(int(moves.transition[move]) >= 0 for move in taken)
+        count = int(moves.frames[taken].sum())
+        whole = Found(start, tuple(taken), count, state, (0.0, 0.0))
+        first = Found(start, tuple(taken[:2]), int(moves.frames[taken[:2]].sum()), states[1], (0.0, 0.0))
+        # The last leg ends within its last move.
+        second = Found(states[1], tuple(taken[2:]), count - first.frames - 1, state, (0.0, 0.0))
+        assert pieces_of(moves, [whole])[1] == count + 1
+        assert pieces_of(moves, [first, second]) == (pieces_of(moves, [whole])[0], count)
+        clip = assemble(graph, pieces_of(moves, [whole])[0])
+        assert clip.frames == count + 1
+        path = root_path(clip)
+        assert path.place[0].tolist() == pytest.approx([-1.0, 2.0])
+        assert path.place[-1].tolist() == pytest.approx([state.place.imag, state.place.real], abs=1e-6)
+        assert math.remainder(float(path.yaw[0]) - 0.7, math.tau) == pytest.approx(0.0, abs=1e-9)
+        assert math.remainder(float(path.yaw[-1]) - state.yaw, math.tau) == pytest.approx(0.0, abs=0.02)
+    assert jumped > 20
+
+
+def searched(graph: MotionGraph, goal: Goal, **settings: float) -> WaySearch:
+    space = FreeSpace(hall(6.0, 20.0), HALF)
+    ways = space.grid.geodesic((goal.place.imag, goal.place.real))
+    everywhere = np.ones(graph.frames, dtype=bool)
+    return WaySearch(moves_of(graph), space.grid, ways, goal, everywhere, WaySettings(**settings), Allowance(math.inf))
+
+
+def test_a_gap_is_a_share_of_what_may_be_left(graph: MotionGraph) -> None:
+    search = searched(graph, Goal(9.0 + 3.0j, 0.0, True), radius=0.4, angle_deg=30.0)
+    assert search.badness((0.1, 0.0)) == pytest.approx(0.25)
+    assert search.badness((0.1, math.radians(15.0))) == pytest.approx(0.5)
+    assert search.badness((0.6, math.radians(15.0))) == pytest.approx(1.5)
+
+
+def test_transitions_are_taken_only_where_they_save_what_they_cost(graph: MotionGraph) -> None:
+    """The best walk where they cost nothing, and where they cost a second each."""
+    starts = [State(frame, 1.5 + 3.0j, 0.0) for frame in range(0, graph.frames, 40)]
+    jumps = []
+    for price in (0.0, 1.0):
+        search = searched(graph, Goal(9.5 + 2.0j, 0.3, True), weight=1.0, blend_cost=price, radius=0.3, angle_deg=20.0)
+        found = next(search.ways_from(starts))
+        taken = search.moves.transition[list(found.moves)] >= 0
+        jumps.append(int(taken.sum()))
+    assert jumps[1] < jumps[0]
+
+
+def test_the_last_gap_is_walked_where_that_is_sooner_than_it_counts() -> None:
+    """At 1.2 m/s a metre takes .83 s, and counts a second for a radius of a metre: it is walked to the end."""
+    graph = build_graph([walker([(8.0, 0.0)], speed=1.2, period=0.9713)])
+    starts = [State(0, 2.0 + 3.0j, 0.0)]
+    gaps = []
+    for last in (True, False):
+        found = next(searched(graph, Goal(8.0 + 3.0j, 0.0, last), weight=1.0, radius=1.0).ways_from(starts))
+        gaps.append(found.gap[0])
+    assert gaps[0] < 0.25
+    # A point on the way need not be met.
+    assert gaps[1] > 0.5
+    fast = build_graph([walker([(8.0, 0.0)], speed=0.8, period=0.9713)])
+    found = next(searched(fast, Goal(7.0 + 3.0j, 0.0, True), weight=1.0, radius=1.0).ways_from(starts))
+    assert found.gap[0] > 0.5
+
+
+def test_a_found_way_is_told_move_by_move(graph: MotionGraph) -> None:
+    starts = [State(frame, 1.5 + 3.0j, 0.2) for frame in range(0, graph.frames, 40)]
+    goal = Goal(9.0 + 2.5j, -0.3, True)
+    search = searched(graph, goal)
+    moves = search.moves
+    for _, found in zip(range(5), search.ways_from(starts), strict=False):
+        assert found.start in starts
+        frame, place, yaw = found.start.frame, found.start.place, found.start.yaw
+        for move in found.moves:
+            assert moves.first[frame] <= move < moves.first[frame + 1]
+            before = (place, yaw)
+            place = place + np.exp(1j * yaw) * complex(moves.place[move, -1])
+            frame, yaw = int(moves.end[move]), yaw + float(moves.yaw[move, -1])
+        assert found.state.frame == frame
+        assert found.state.place == pytest.approx(place)
+        assert found.state.yaw == pytest.approx(yaw)
+        whole = int(moves.frames[list(found.moves[:-1])].sum())
+        inside = np.flatnonzero(moves.passed[found.moves[-1]] == found.frames - whole)
+        assert len(inside) >= 1
+        there = before[0] + np.exp(1j * before[1]) * moves.place[found.moves[-1], inside[0]]
+        turn = math.remainder(before[1] + float(moves.yaw[found.moves[-1], inside[0]]) - goal.yaw, math.tau)
+        assert found.gap == pytest.approx((abs(there - goal.place), abs(turn)))
+        assert search.badness(found.gap) <= 1.0
+        assert search.badness(search.nearest) <= search.badness(found.gap)
+
+
+@pytest.mark.parametrize(("leg", "cuts"), [(8.0, [1, 2, 3]), (1.6, [2, 3, 4, 5, 1]), (1.1, [3, 4, 5, 6, 7, 1])])
+def test_a_way_is_cut_into_more_and_more_legs_and_at_last_into_none(
+    graph: MotionGraph, leg: float, cuts: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def watched(space: FreeSpace, ways: object, start: Place, length: float, legs: int) -> list[Place]:
+        asked.append(legs)
+        return []
+
+    monkeypatch.setattr(way_module, "cut_way", watched)
+    _, edit = bulging(9.0, 10**9)
+    start, goal = Place((3.0, 2.0), 0.0), Place((3.0, 5.0), 0.0)
+    with pytest.raises(HopdiffError, match="none can be bent"):
+        find_way(graph, hall(), start, goal, WaySettings(tries=1, leg=leg, expansions=400), edit_path=edit)  # type: ignore[arg-type]
+    assert asked == cuts
+
+
+def test_starts_are_the_first_able_frame_of_every_stretch(graph: MotionGraph) -> None:
+    place = Place((3.0, 4.0), 0.6)
+    states = start_states(graph, place, WaySettings())
+    assert [state.frame for state in states] == list(range(0, graph.frames, 5))
+    assert {(state.place, state.yaw) for state in states} == {(4.0 + 3.0j, 0.6)}
+    assert start_states(graph, place, WaySettings(start_frame=7)) == [State(7, 4.0 + 3.0j, 0.6)]
+    still = build_graph([walker([(2.0, 0.0)], speed=0.0), walker([(3.0, 0.0)])])
+    able = [state.frame for state in start_states(still, place, WaySettings(start="standing"))]
+    assert able == list(range(0, 60, 5))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 import torch
+from numpy.polynomial.chebyshev import Chebyshev
 from torch import Tensor
 
 from hopdiff.composing import compose
@@ -228,3 +229,42 @@ def test_float32_is_the_same_run() -> None:
     assert torch.equal(found.status, wanted.status)
     for name, slack in (("energy", 1e-2), ("gamma", 2e-2), ("leg_force", 1e-5), ("style", 1e-3), ("posture", 1e-4)):
         torch.testing.assert_close(found.terms[name].double(), wanted.terms[name], rtol=slack, atol=slack)
+
+
+def test_gamma_looks_a_sixtieth_of_a_second_ahead_from_both_sides_of_take_off() -> None:
+    """Equation (12): rate and acceleration of the curves themselves, fitted through what the costs see."""
+    problem = problem_at(5.0)
+    with torch.no_grad():
+        t = problem.trajectory(runs(problem))
+    n = t.angles.shape[1] // 2
+    nodes = chebyshev_nodes(n, torch.float64, torch.device("cpu")).numpy()
+    for p in range(len(t.angles)):
+        for part, duration, end, found in (
+            (slice(0, n), float(t.contact_time[p]), 1.0, t.rates_before[p]),
+            (slice(n, 2 * n), float(t.flight_time[p]), 0.0, t.rates_after[p]),
+        ):
+            for joint in range(4):
+                curve = Chebyshev.fit(nodes, t.angles[p, part, joint].numpy(), n - 1, domain=[0, 1])
+                rate, bend = (float(curve.deriv(k)(end)) / duration**k for k in (1, 2))
+                assert float(found[joint]) == pytest.approx(rate + bend / 60.0, rel=1e-5, abs=1e-5)
+
+
+def test_the_target_leads_the_foot_by_its_gene() -> None:
+    """Target minus error is where the centre of mass is; a lead moves the target and the body follows."""
+    problem = problem_at(4.0)
+    genes = problem.table.decode(problem.ordinary_genes.unsqueeze(0))
+    speed = torch.tensor([4.0], dtype=torch.float64)
+    mean = []
+    for lead in (0.0, 0.03):
+        gait = problem.model.gait({**genes, "com_lead": torch.tensor([lead]).double()}, speed)
+        times = torch.linspace(0.0, 2.0 * step_time(gait), 201, dtype=torch.float64)[:-1]  # type: ignore[arg-type]
+        target = poses_at(gait, times).target  # type: ignore[arg-type]
+        mean.append(float(target[:, 1].mean()))
+        # In stance the target is the foot, which stands half a step width to its side.
+        standing = poses_at(gait, times).leg_force > 1e-9  # type: ignore[arg-type]
+        first = times < float(gait.contact_times[0, 0])
+        width = 0.5 * float(genes["step_width"])
+        assert target[standing & first, 0].numpy() == pytest.approx(width)
+        reach = float(gait.steps.cycle.reach)  # type: ignore[attr-defined]
+        assert float(target[0, 1]) == pytest.approx(reach + lead)
+    assert mean[1] - mean[0] == pytest.approx(0.03, abs=1e-9)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -12,6 +13,8 @@ from hopdiff.metrics import loop_error, stance_foot_drift
 from hopdiff.models.gait import stride_motion
 from hopdiff.models.smooth import SmoothModel
 from hopdiff.models.thesis import ThesisModel
+from hopdiff.models.trajectory import JOINT_CHANNELS
+from hopdiff.physics.legs import knee_offset, leg_reach
 from hopdiff.problem import RunProblem
 from hopdiff.types import Status
 from tests.builders import make_problem, random_genes, valid_genes
@@ -106,3 +109,140 @@ def test_a_neighbour_changes_nothing() -> None:
         assert int(alone.status) == int(together.status[k])
         if math.isfinite(float(alone.cost)):
             assert float(alone.cost) == pytest.approx(float(together.cost[k]), rel=1e-9)
+
+
+def test_gamma_holds_the_rate_that_stance_predicts_against_the_one_that_flight_begins_with() -> None:
+    """One frame ahead by equation (12): the last rate of stance and its last change, against the first of flight."""
+    problem = thesis()
+    with torch.no_grad():
+        t = problem.trajectory(valid_genes(problem, 4))
+    h = problem.model.step  # type: ignore[attr-defined]
+    for p in range(4):
+        n = round(float(t.contact_time[p]) / h)
+        rates = t.angles[p, :, :4].diff(dim=0) / h
+        # Rate k lies between frames k and k + 1; stance are the frames 0 to n - 1.
+        torch.testing.assert_close(t.rates_before[p], 2.0 * rates[n - 2] - rates[n - 3])
+        torch.testing.assert_close(t.rates_after[p], rates[n])
+
+
+def test_accelerations_do_not_reach_across_take_off() -> None:
+    problem = thesis()
+    with torch.no_grad():
+        t = problem.trajectory(valid_genes(problem, 4))
+    h = problem.model.step  # type: ignore[attr-defined]
+    for p in range(4):
+        n = round(float(t.contact_time[p]) / h)
+        count = int((t.weights[p] > 0).sum())
+        central = (t.angles[p, 2:] - 2.0 * t.angles[p, 1:-1] + t.angles[p, :-2]) / h**2
+        wanted = torch.cat((central[:1], central, central[-1:]))[:count]
+        wanted[n - 1], wanted[n] = wanted[n - 2], wanted[n + 1]
+        wanted[-1] = wanted[-2]
+        torch.testing.assert_close(t.accelerations[p, :count], wanted, rtol=1e-9, atol=1e-6)
+        assert float(t.weights[p].sum()) == pytest.approx(count * h)
+
+
+def curve_of(values: Tensor, phase: Tensor, degree: int) -> np.polynomial.Polynomial:
+    """The polynomial in the phase that values (F,) lie on, to rounding."""
+    fit = np.polynomial.Polynomial.fit(phase.numpy(), values.numpy(), degree, domain=[0, 1], window=[0, 1])
+    assert float(np.abs(fit(phase.numpy()) - values.numpy()).max()) < 1e-9
+    return fit
+
+
+def test_legs_move_by_equations_5_and_6() -> None:
+    """Knees blend linearly through the air and leg angles on the parabola (6); the genes are its ends."""
+    problem = thesis()
+    genes = problem.table.decode(valid_genes(problem, 4, seed=3))
+    body, speed = problem.character, torch.full((4,), 5.0, dtype=torch.float64)
+    with torch.no_grad():
+        f = ThesisModel(body, 1e-3).frames(genes, speed)
+    cycle = f.steps.cycle
+    height = cycle.leg_length * torch.cos(cycle.touchdown_angle)
+    half = 0.5 * genes["step_width"] - body.hip_half_width
+    for p in range(4):
+        g = {name: float(value[p]) for name, value in genes.items()}
+        flying = f.hops.in_flight[p] & f.hops.alive[p]
+        standing = ~f.hops.in_flight[p] & f.hops.alive[p]
+        angles, knees = {}, {}
+        for side in ("left", "right"):
+            knees[side] = f.base[f"{side}_knee"][p]
+            angles[side] = f.base[f"{side}_thigh"][p] - knee_offset(knees[side], body.thigh, body.shank)
+        in_air, on_ground = f.hops.phase[p, flying], f.hops.phase[p, standing]
+        down = math.hypot(float(height[p]), float(half[p]))
+        touchdown = math.atan2(float(cycle.reach[p]), down)
+        end_angle = touchdown - g["swing_reach"]
+
+        swinging = curve_of(angles["right"][standing], on_ground, 1)
+        assert swinging([0.0, 1.0]) == pytest.approx([g["swing_angle_start"], end_angle])
+        folding = curve_of(knees["right"][standing], on_ground, 2)
+        assert folding([0.0, 0.5]) == pytest.approx([g["swing_knee_start"], g["swing_knee_middle"]])
+        above = float(height[p]) - float(leg_reach(torch.tensor(folding(1.0)), body.thigh, body.shank)) * math.cos(
+            end_angle
+        )
+        assert above == pytest.approx(g["swing_clearance_end"], abs=1e-9)
+
+        trailing, leading = (curve_of(angles[side][flying], in_air, 2) for side in ("left", "right"))
+        assert trailing(1.0) == pytest.approx(g["swing_angle_start"])
+        assert leading([0.0, 1.0]) == pytest.approx([end_angle, touchdown])
+        # Both have their extremum at alpha, and the leading leg ends as fast as HIP passes over a planted foot.
+        alphas = [float(curve.deriv().roots()[0]) for curve in (trailing, leading)]
+        assert alphas[0] == pytest.approx(alphas[1])
+        assert 0.5 < alphas[0] < 1.0
+        speed_over_foot = 5.0 * float(height[p]) + float(cycle.touchdown_rate[p] * cycle.reach[p])
+        rate = -speed_over_foot / float(cycle.leg_length[p]) ** 2
+        assert leading.deriv()(1.0) / float(cycle.flight_time[p]) == pytest.approx(rate)
+
+        straightening, stretching = (curve_of(knees[side][flying], in_air, 1) for side in ("left", "right"))
+        assert straightening(1.0) == pytest.approx(g["swing_knee_start"])
+        assert stretching(0.0) == pytest.approx(folding(1.0))
+        final = float(leg_reach(torch.tensor(stretching(1.0)), body.thigh, body.shank))
+        assert final == pytest.approx(math.hypot(down, float(cycle.reach[p])))
+
+
+def test_the_target_is_the_foot_in_stance_and_runs_to_the_other_in_flight() -> None:
+    problem = thesis()
+    genes = problem.table.decode(valid_genes(problem, 3, seed=4))
+    with torch.no_grad():
+        f = ThesisModel(problem.character).frames(genes, torch.full((3,), 5.0, dtype=torch.float64))
+    reach = f.steps.cycle.reach
+    for p in range(3):
+        flying, alive = f.hops.in_flight[p], f.hops.alive[p]
+        lead, width = float(genes["com_lead"][p]), 0.5 * float(genes["step_width"][p])
+        on_foot = (f.hops.foot - f.hops.forward)[p] + lead
+        torch.testing.assert_close(f.target_forward[p, alive & ~flying], on_foot[alive & ~flying])
+        assert (f.target_side[p, alive & ~flying] == width).all()
+        phase = f.hops.phase[p, alive & flying]
+        torch.testing.assert_close(f.target_forward[p, alive & flying], float(reach[p]) * (2.0 * phase - 1.0) + lead)
+        torch.testing.assert_close(f.target_side[p, alive & flying], width * (1.0 - 2.0 * phase))
+
+
+def test_what_the_costs_see_is_the_body_on_its_frames() -> None:
+    """Centre of mass, feet and force of the trajectory against the skeleton, posed frame by frame."""
+    problem = thesis()
+    genes = problem.table.decode(valid_genes(problem, 2, seed=6))
+    speed = torch.full((2,), 5.0, dtype=torch.float64)
+    with torch.no_grad():
+        model = ThesisModel(problem.character)
+        t, f = model.trajectory(genes, speed), model.frames(genes, speed)
+    body, cycle = problem.character, f.steps.cycle
+    for p in range(2):
+        count = int((t.weights[p] > 0).sum())
+        channels = {name: t.angles[p, :count, k] for k, (name, _, _) in enumerate(JOINT_CHANNELS)}
+        channels["pelvis_tilt"] = t.pelvis_tilt[p].expand(count)
+        inward = genes["arm_inward"][p].expand(count)
+        channels |= {f"{side}_inward": inward for side in ("left", "right")}
+        rotations = body.rotations(channels)
+        root = torch.zeros(count, 3, dtype=torch.float64)
+        root[:, 1] = f.hops.height[p, :count]
+        positions, orientations = body.skeleton.forward(root, rotations)
+        com = body.centre_of_mass(positions, orientations)
+        torch.testing.assert_close(t.com_height[p, :count], com[:, 1], rtol=0.0, atol=1e-9)
+        error = torch.stack((f.target_side[p, :count] - com[:, 0], f.target_forward[p, :count] - com[:, 2]), dim=-1)
+        torch.testing.assert_close(t.balance_error[p, :count], error, rtol=0.0, atol=1e-9)
+        ends = body.skeleton.end_positions(positions, orientations)
+        for k, side in enumerate(("left", "right")):
+            feet = ends[f"{side}_knee"][:, 1]
+            torch.testing.assert_close(t.foot_height[p, :count, k], feet, rtol=0.0, atol=1e-9)
+        length = torch.hypot(f.hops.forward - f.hops.foot, f.hops.height)[p, :count]
+        force = cycle.stiffness[p] * (cycle.leg_length[p] - length) / 9.81
+        force = torch.where(f.hops.in_flight[p, :count], 0.0, force)
+        torch.testing.assert_close(t.leg_force[p, :count], force, rtol=1e-3, atol=1e-6)

@@ -6,7 +6,7 @@ import pytest
 import torch
 from numpy.polynomial.chebyshev import Chebyshev
 
-from hopdiff.numerics import chebyshev_nodes
+from hopdiff.numerics import chebyshev_nodes, differentiation_matrix
 from hopdiff.physics.balance import periodic_sway, support_path, support_side
 
 DTYPE = torch.float64
@@ -54,3 +54,29 @@ def test_the_target_runs_from_foot_to_foot() -> None:
     width = torch.tensor([0.04], dtype=DTYPE)
     assert support_side("stance", ends, width).tolist() == [[0.04, 0.04]]
     assert support_side("flight", ends, width).tolist() == [[0.04, -0.04]]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("steps", [2, 3])
+def test_different_steps_hand_over_to_each_other(sign: float, steps: int) -> None:
+    """Two candidates: what the sway is at the end of one step, it is at the start of the next, and all obey the law."""
+    rows, n = 2 * steps, 16
+    nodes = chebyshev_nodes(n, DTYPE, torch.device("cpu"))
+    random = torch.rand(rows, 4, generator=torch.Generator().manual_seed(5), dtype=DTYPE)
+    durations, stiffness = 0.1 + 0.2 * random[:, :2], 1.0 + 8.0 * random[:, 2]
+    forcing = torch.sin(random[:, 3, None, None] + torch.stack((3.0 * nodes, 3.0 + nodes)))
+    sway = periodic_sway(forcing, stiffness, durations, sign, steps)
+    begin, end = (values.view(steps, 2) for values in (sway[:, 0, 0], sway[:, 1, -1]))
+    torch.testing.assert_close(begin, sign * end.roll(1, 0), rtol=0.0, atol=1e-12)
+    torch.testing.assert_close(sway[:, 1, 0], sway[:, 0, -1], rtol=0.0, atol=1e-12)
+    rate = sway @ differentiation_matrix(n, DTYPE, nodes.device).T / durations.unsqueeze(-1)
+    torch.testing.assert_close(rate + stiffness[:, None, None] * sway, forcing, rtol=0.0, atol=1e-9)
+    assert float((begin[0] - begin[1]).abs().min()) > 1e-3
+
+
+def test_the_target_in_flight_moves_evenly() -> None:
+    phase = torch.tensor([[0.25, 0.5]], dtype=DTYPE)
+    air = support_path(phase, torch.tensor([0.5], dtype=DTYPE), torch.tensor([0.3], dtype=DTYPE))
+    torch.testing.assert_close(air, torch.tensor([[-0.3, -0.1]], dtype=DTYPE))
+    side = support_side("flight", phase, torch.tensor([0.04], dtype=DTYPE))
+    torch.testing.assert_close(side, torch.tensor([[0.02, 0.0]], dtype=DTYPE))

@@ -9,12 +9,14 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
 from torch import Tensor
 
-from hopdiff.numerics import chebyshev_nodes
+from hopdiff.numerics import chebyshev_nodes, smooth_max
 from hopdiff.physics.legs import (
     FLIGHT_ROOM,
     STRAIGHTEST_KNEE,
+    TRAIL_ROOM,
     LegPose,
     Swing,
     SwingGenes,
@@ -33,8 +35,11 @@ def column(*values: float) -> Tensor:
     return torch.tensor(values, dtype=torch.float64)
 
 
-def swings(count: int = 50) -> Swing:
-    """Swings of a human-sized leg at many speeds, with the rates of a planted foot under a hip that travels."""
+def swings(count: int = 50, haste: float = 1.0) -> Swing:
+    """Swings of a human-sized leg at many speeds, with the rates of a planted foot under a hip that travels.
+
+    haste: factor of the rates at take-off and touchdown.
+    """
     random = torch.rand(9, count, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
 
     def between(row: int, low: float, high: float) -> Tensor:
@@ -44,8 +49,8 @@ def swings(count: int = 50) -> Swing:
     reach = 0.97 * (THIGH + SHANK)
     knee = torch.acos((torch.tensor(reach) ** 2 - THIGH**2 - SHANK**2) / (2 * THIGH * SHANK)).double().expand(count)
     still = torch.zeros(count, dtype=torch.float64)
-    turn = -speed * torch.cos(angle) / reach
-    fold = speed * torch.sin(angle) / (0.5 * SHANK)
+    turn = -haste * speed * torch.cos(angle) / reach
+    fold = haste * speed * torch.sin(angle) / (0.5 * SHANK)
     return make_swing(
         contact,
         flight,
@@ -165,3 +170,80 @@ def test_alpha_comes_from_the_rate_at_touchdown() -> None:
     alpha = float(flight_alpha(reach, rate, duration))
     # B_c'(T) T = (2 - 2 alpha) / (1 - 2 alpha), times the reach over T.
     assert 0.3 / 0.15 * (2.0 - 2.0 * alpha) / (1.0 - 2.0 * alpha) == pytest.approx(-6.0)
+
+
+@pytest.mark.parametrize("haste", [1.0, 4.0, 10.0])
+def test_what_the_stance_leaves_swings_out_no_farther_than_its_room(haste: float) -> None:
+    """The curve with the rate of take-off, and that of touchdown, against the same without it."""
+    swing = swings(60, haste)
+    still = torch.zeros_like(swing.flight)
+    x = torch.linspace(0.0, 1.0, 800, dtype=torch.float64).expand(60, -1)
+    bare = swing._replace(start_rate=LegPose(still, still, still), end_rate=swing.end_rate._replace(knee=still))
+    trail = (swing.first_flight(x).angle - bare.first_flight(x).angle).abs().amax(-1)
+    follow = (swing.first_flight(x).knee - bare.first_flight(x).knee).abs().amax(-1)
+    reach = (swing.last_flight(x).knee - bare.last_flight(x).knee).abs().amax(-1)
+    rooms = (
+        torch.full_like(trail, TRAIL_ROOM),
+        FLIGHT_ROOM * (swing.start.knee - STRAIGHTEST_KNEE)[:, 0],
+        FLIGHT_ROOM * (swing.end.knee - STRAIGHTEST_KNEE)[:, 0],
+    )
+    rates = (swing.start_rate.angle, swing.start_rate.knee, swing.end_rate.knee)
+    for found, room, rate in zip((trail, follow, reach), rooms, rates, strict=True):
+        # Extremum of |r| T x (1 - x)^m, whose m is the least that keeps to the room, 2.5 or more but for rounding off.
+        push = (rate * swing.flight).abs()[:, 0]
+        power = smooth_max(push / (torch.e * room) - 0.5, 2.5, 0.5)
+        torch.testing.assert_close(found, push * power**power / (power + 1.0) ** (power + 1.0), rtol=1e-3, atol=0.0)
+        assert bool((found < 1.04 * room).all())
+        if haste == 10.0:
+            assert bool((found > 0.8 * room).any())
+
+
+def test_the_knee_runs_on_a_clamped_spline() -> None:
+    """But for what the stance leaves and asks for: SciPy's spline through the same knots."""
+    swing = swings(5)
+    still = torch.zeros_like(swing.flight)
+    bare = swing._replace(start_rate=LegPose(still, still, still), end_rate=swing.end_rate._replace(knee=still))
+    x = torch.linspace(0.0, 1.0, 9, dtype=torch.float64).expand(5, -1)
+    for p in range(5):
+        flight, contact = float(swing.flight[p]), float(swing.contact[p])
+        knots = torch.tensor([0.0, flight, flight + 0.5 * contact, flight + contact, 2.0 * flight + contact])
+        spline = CubicSpline(knots.double().numpy(), [float(k[p]) for k in swing.knees], bc_type="clamped")
+        for curve, start, length in (
+            (bare.first_flight, 0.0, flight),
+            (bare.swing, flight, contact),
+            (bare.last_flight, flight + contact, flight),
+        ):
+            wanted = torch.from_numpy(spline((start + x[p] * length).numpy()))
+            torch.testing.assert_close(curve(x).knee[p], wanted, rtol=0.0, atol=1e-6)
+
+
+def test_the_leg_angle_keeps_its_curvature_when_the_other_foot_lands() -> None:
+    swing, e = swings(), 1e-4
+    # What the take-off leaves has faded by then, but its curvature fades slowly.
+    still = torch.zeros_like(swing.flight)
+    swing = swing._replace(start_rate=LegPose(still, still, still))
+    near = torch.tensor([1.0 - 2.0 * e, 1.0 - e, 1.0], dtype=torch.float64).expand(len(swing.flight), -1)
+    before = swing.first_flight(near).angle.diff().diff()[:, 0] / (e * swing.flight[:, 0]) ** 2
+    far = torch.tensor([0.0, e, 2.0 * e], dtype=torch.float64).expand(len(swing.flight), -1)
+    after = swing.swing(far).angle.diff().diff()[:, 0] / (e * swing.contact[:, 0]) ** 2
+    assert float((after - before).abs().max()) < 0.005 * float(before.abs().max())
+
+
+def test_the_leg_tilts_evenly_through_the_whole_swing() -> None:
+    """One cubic over both flights and the contact between them."""
+    swing = swings()
+    whole = 2.0 * swing.flight + swing.contact
+    ends = (swing.start.tilt, swing.end.tilt, swing.start_rate.tilt * whole, swing.end_rate.tilt * whole)
+    for curve, x, time in (
+        (swing.first_flight, 0.7, 0.7 * swing.flight),
+        (swing.swing, 0.4, swing.flight + 0.4 * swing.contact),
+        (swing.last_flight, 0.2, 1.2 * swing.flight + swing.contact),
+    ):
+        s = time / whole
+        wanted = (
+            (1.0 + 2.0 * s) * (1.0 - s) ** 2 * ends[0]
+            + s**2 * (3.0 - 2.0 * s) * ends[1]
+            + s * (1.0 - s) ** 2 * ends[2]
+            + s**2 * (s - 1.0) * ends[3]
+        )
+        torch.testing.assert_close(curve(torch.full_like(s, x)).tilt, wanted)

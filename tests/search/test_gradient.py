@@ -7,7 +7,7 @@ import torch
 
 from hopdiff.search.adam import Adam
 from hopdiff.search.base import Eval
-from hopdiff.search.gradient import Gradient
+from hopdiff.search.gradient import SCREEN, STARTS, Gradient
 from hopdiff.search.loop import Budget, run_search
 from tests.search import problems
 
@@ -76,3 +76,64 @@ def test_adam_turns_back_where_there_is_no_value():
     first = rows.trial()
     rows = rows.advance(first, x.new_full((1,), math.inf), torch.zeros_like(x))
     torch.testing.assert_close(rows.trial() - x, (first - x) / 2)
+
+
+def test_adam_is_that_of_torch_with_a_rate_that_falls_along_half_a_cosine():
+    steps, rate = 40, 0.02
+    target = torch.rand(3, 5, generator=seeded(1), dtype=torch.float64)
+    x = torch.rand(3, 5, generator=seeded(2), dtype=torch.float64)
+    rows = Adam.begin(x, rate, steps)
+    twin = x.clone().requires_grad_()
+    other = torch.optim.Adam([twin], lr=rate, betas=(0.9, 0.99), eps=1e-300)
+    for step in range(steps):
+        trial = rows.trial()
+        # Its corrections for the first steps are worked out in single precision.
+        torch.testing.assert_close(trial, twin.detach(), rtol=0.0, atol=1e-6)
+        value = (trial - target).pow(4).sum(-1)
+        rows = rows.advance(trial, value, 4.0 * (trial - target).pow(3))
+        assert torch.equal(rows.value, value)
+        assert torch.equal(rows.last, trial)
+        other.param_groups[0]["lr"] = rate * 0.5 * (1.0 + math.cos(math.pi * (step + 1) / steps))
+        twin.grad = 4.0 * (twin.detach() - target).pow(3)
+        other.step()
+        assert rows.done.tolist() == [step + 1 == steps] * 3
+
+
+def test_adam_gives_up_where_it_only_ever_turns_back():
+    x = torch.full((2, 2), 0.5, dtype=torch.float64)
+    rows = Adam.begin(x, rate=0.1, steps=50).advance(x, x.new_ones(2), torch.ones_like(x))
+    nowhere = torch.tensor([math.inf, 1.0], dtype=torch.float64)
+    for halvings in range(1, 11):
+        rows = rows.advance(rows.trial(), nowhere, torch.ones_like(x))
+        assert float(rows.scale[0]) == 0.5**halvings
+        assert rows.age.tolist() == [1, halvings + 1]
+        # 2^-10 is the first factor below a thousandth.
+        assert rows.done.tolist() == [halvings == 10, False]
+    assert torch.equal(rows.last[0], x[0])
+    assert float(rows.value[0]) == 1.0
+
+
+def test_a_problem_says_how_many_starts_suit_it():
+    problem = problems.sphere(3)
+    state = Gradient().init(problem, seeded())
+    assert (state.starts, state.screen) == (STARTS, SCREEN) == (16, 128)
+    problem.starts, problem.screen = 4, 9
+    state = Gradient().init(problem, seeded())
+    assert (state.starts, state.screen) == (4, 9)
+    state = Gradient(starts=5, screen=11).init(problem, seeded())
+    assert (state.starts, state.screen) == (5, 11)
+
+
+def test_a_search_begins_about_the_start_of_a_problem_that_says_how_far():
+    problem = problems.sphere(3)
+    problem.start, problem.spread = torch.tensor([0.5, 0.02, 0.7], dtype=torch.float64), 0.05
+    state = Gradient(starts=1, screen=20_000).init(problem, seeded())
+    genes, _ = Gradient(starts=1, screen=20_000).ask(state, seeded())
+    assert genes.min() == 0.0
+    assert float(genes[:, 1].median()) == pytest.approx(0.02, abs=2e-3)
+    for gene, place in ((0, 0.5), (2, 0.7)):
+        assert float(genes[:, gene].mean()) == pytest.approx(place, abs=2e-3)
+        assert float(genes[:, gene].std()) == pytest.approx(0.05, rel=0.03)
+    del problem.spread
+    genes, _ = Gradient(starts=1, screen=5000).ask(Gradient(starts=1, screen=5000).init(problem, seeded()), seeded())
+    assert float(genes.std()) == pytest.approx(12**-0.5, rel=0.02)

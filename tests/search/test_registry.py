@@ -158,3 +158,45 @@ def test_wrong_settings_are_named(name, setting, value):
 def test_a_screening_holds_the_starts_that_are_taken_from_it():
     with pytest.raises(HopdiffError, match=r"^search\.screen must be .*, not 3\.$"):
         SEARCHES["gradient"](starts=16, screen=3)
+
+
+@pytest.mark.parametrize(
+    ("name", "setting", "low", "high"),
+    [
+        ("random", "population", 1, None),
+        ("ga", "elites", 0, 99),
+        ("ga", "pressure", 1, 2),
+        ("ga", "stretch", 0, None),
+        ("ga", "sigma", 0, None),
+        ("ga", "sigma_floor", 0, None),
+        *(("ga", share, 0, 1) for share in ("crossover", "blend", "mutation", "sigma_decay")),
+        ("cmaes", "population", 2, None),
+        ("cmaes", "sigma", 1e-6, 1),
+        ("cmaes", "growth", 1, None),
+        ("cmaes", "patience", 1, None),
+        ("cmaes", "tolerance", 0, None),
+        ("gradient", "starts", 1, 128),
+        ("gradient", "screen", 1, None),
+        ("gradient", "reach", 1e-6, None),
+        ("gradient", "tolerance", 0, None),
+        ("gradient", "patience", 1, None),
+        ("gradient", "rate", 1e-6, 1),
+        ("gradient", "steps", 1, None),
+        ("hybrid", "generations", 1, None),
+        ("hybrid", "climbers", 1, None),
+        ("hybrid", "steps", 0, None),
+        ("hybrid", "refine", 1, None),
+        ("hybrid", "apart", 0, 1),
+        ("hybrid", "reach", 1e-6, None),
+        ("hybrid", "tolerance", 0, None),
+        ("hybrid", "patience", 1, None),
+    ],
+)
+def test_settings_reach_to_their_bounds_and_no_further(name, setting, low, high):
+    more = 1 if isinstance(low, int) and setting not in ("sigma", "apart") else 1e-3
+    for value, beyond in ((low, low - more), (high, None if high is None else high + more)):
+        if value is not None:
+            SEARCHES[name](**{setting: value})
+            if setting != "starts" or beyond < 1:
+                with pytest.raises(HopdiffError, match=rf"^search\.{setting} must be"):
+                    SEARCHES[name](**{setting: beyond})

@@ -1,0 +1,72 @@
+"""Models by name, and the bounds of their settings."""
+
+from __future__ import annotations
+
+import pytest
+
+from hopdiff.models import MODELS, build_model
+from hopdiff.models.base import ModelSettings
+from hopdiff.models.limp import LimpSettings
+from hopdiff.models.smooth import SmoothModel
+from hopdiff.models.thesis import ThesisModel
+from hopdiff.types import HopdiffError
+from hopdiff.whole_body.model import BodyModel
+from tests.builders import make_character
+
+KINDS = {"body": BodyModel, "smooth": SmoothModel, "thesis": ThesisModel}
+
+
+def test_every_name_builds_its_model_with_its_settings() -> None:
+    assert sorted(KINDS) == sorted(MODELS)
+    for name, kind in KINDS.items():
+        assert type(build_model(ModelSettings(name), make_character())) is kind
+    smooth = build_model(ModelSettings("smooth", nodes=20, sweeps=3), make_character())
+    assert isinstance(smooth, SmoothModel)
+    assert (smooth.nodes, smooth.sweeps) == (20, 3)
+    thesis = build_model(ModelSettings("thesis", step=0.002, strides=5), make_character())
+    assert isinstance(thesis, ThesisModel)
+    assert (thesis.step, thesis.strides) == (0.002, 5)
+    with pytest.raises(HopdiffError, match=r"model\.name must be one of body, smooth, thesis, not 'robot'"):
+        build_model(ModelSettings("robot"), make_character())
+
+
+@pytest.mark.parametrize(
+    ("setting", "low", "high"),
+    [
+        ("rounds", 4, 100),
+        ("adjoint_rounds", 1, 100),
+        ("nodes", 4, 64),
+        ("sweeps", 1, 100),
+        ("step", 1e-4, 0.02),
+        ("strides", 0, 1000),
+    ],
+)
+def test_settings_reach_to_their_bounds_and_no_further(setting: str, low: float, high: float) -> None:
+    more = 1e-5 if setting == "step" else 1
+    for value in (low, high):
+        build_model(ModelSettings("smooth", **{setting: value}), make_character())
+    for value in (low - more, high + more):
+        with pytest.raises(HopdiffError, match=rf"^model\.{setting} must lie between"):
+            build_model(ModelSettings("smooth", **{setting: value}), make_character())
+
+
+@pytest.mark.parametrize("name", ["smooth", "thesis"])
+def test_a_limp_of_nothing_is_none(name: str) -> None:
+    lame = build_model(ModelSettings(name), make_character(), LimpSettings("right", 0.3))
+    assert isinstance(lame, SmoothModel | ThesisModel)
+    assert lame.limp == LimpSettings("right", 0.3)
+    assert lame.sound.limp is None
+    sound = build_model(ModelSettings(name), make_character(), LimpSettings("right", 0.0))
+    assert isinstance(sound, SmoothModel | ThesisModel)
+    assert sound.limp is None
+    with pytest.raises(HopdiffError, match=r"limp\.amount"):
+        build_model(ModelSettings(name), make_character(), LimpSettings("right", 0.9))
+
+
+@pytest.mark.parametrize(("setting", "low", "high"), [("amount", 0.0, 0.8), ("haste", 0.0, 1.0)])
+def test_a_limp_reaches_to_its_bounds(setting: str, low: float, high: float) -> None:
+    for value in (low, high):
+        LimpSettings(**{setting: value}).check()
+    for value in (low - 1e-6, high + 1e-6):
+        with pytest.raises(HopdiffError, match=rf"^limp\.{setting} must lie between"):
+            LimpSettings(**{setting: value}).check()
