@@ -11,7 +11,8 @@ from PIL import Image
 from hopdiff.cli import main
 from hopdiff.editing.root_path import root_path
 from hopdiff.io.bvh import read_bvh, write_bvh
-from tests.editing.walks import MOCAP, stride
+from tests.editing.walks import stride
+from tests.people import file_of
 
 FILES = {"edited.bvh", "metrics.json", "config.yaml", "versions.json", "git.json"}
 PICTURES = {"path.png", "strip.png", "feet.png"}
@@ -216,11 +217,20 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.skipif(not MOCAP.is_dir(), reason="needs captured clips, which are not part of the project")
-@pytest.mark.parametrize("name", ["walk_straight_snu_30hz", "walk_sideways_snu_cross90", "run_cmu_16_35"])
-def test_captured_clips(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "name",
+    [
+        "walk without toes",
+        "walk sideways",
+        "run",
+        "walk_straight_snu_30hz",
+        "walk_sideways_snu_cross90",
+        "run_cmu_16_35",
+    ],
+)
+def test_clips_of_people(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ("target.position=[0.2,-0.2]", "target.heading=60", "target.relative=true", "pictures=false")
-    assert command(monkeypatch, tmp_path / "run", f"clip={MOCAP / name}.bvh", *words) == 0
+    assert command(monkeypatch, tmp_path / "run", f"clip={file_of(name, tmp_path)}", *words) == 0
     found = metrics(tmp_path / "run")
     assert found["error_place"] < 1e-3
     assert found["error_yaw_deg"] < 0.1
