@@ -8,6 +8,7 @@ from hopdiff.config import build_job, compose
 from hopdiff.types import HopdiffError
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("overrides", "says"),
     [

@@ -55,6 +55,7 @@ def test_euler_orders(order: str, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("fps", [24, 30, 60, 120])
 def test_frame_rates_change_no_speed(fps: int, tmp_path: Path) -> None:
     for frames in ("whole", "exact"):

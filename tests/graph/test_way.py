@@ -68,6 +68,7 @@ def test_a_straight_way_is_walked_straight(graph: MotionGraph) -> None:
     assert float((way.path.place[:, 0] - 3.0).abs().max()) < 0.3
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("heading", [0.0, 90.0, 180.0, -90.0])
 def test_the_goal_is_met_with_any_heading(graph: MotionGraph, heading: float) -> None:
     start, goal = Place((3.0, 2.0), 0.4), Place((3.0, 9.0), math.radians(heading))
@@ -292,7 +293,7 @@ def test_headings_must_be_numbers(graph: MotionGraph, what: str) -> None:
         find_way(graph, hall(), places["start"], places["goal"])
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["two_rooms", "flat"])
 def test_walks_are_found_between_places_drawn_at_random(person: MotionGraph, name: str) -> None:
     scene = read_scene(SCENES / f"{name}.yaml")

@@ -156,6 +156,7 @@ def test_a_thing_without_feet_is_moved_and_says_so(
     assert root_path(read_bvh(tmp_path / "run" / "edited.bvh", 1.0).clip()).place[-1].tolist() == pytest.approx([1, 3])
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("words", "said"),
     [

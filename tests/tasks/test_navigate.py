@@ -63,6 +63,7 @@ def test_the_same_settings_give_the_same_walk(clip: Path, tmp_path: Path, monkey
     assert (tmp_path / "a" / "walk.bvh").read_bytes() == (tmp_path / "b" / "walk.bvh").read_bytes()
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("words", "said"),
     [
