@@ -1,12 +1,29 @@
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
+import hypothesis
 import matplotlib as mpl
 import pytest
 import torch
 
 mpl.use("Agg")
+# Examples are drawn anew each time, and what they found is not kept in the tree.
+hypothesis.settings.register_profile("hopdiff", database=None)
+hypothesis.settings.load_profile("hopdiff")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """`few(n)`: of the cases of a test the first of every n is run at once, the others are marked thorough."""
+    seen: Counter[str] = Counter()
+    for item in items:
+        if (few := item.get_closest_marker("few")) is not None:
+            test = item.nodeid.partition("[")[0]
+            if seen[test] % few.args[0]:
+                item.add_marker(pytest.mark.thorough)
+            seen[test] += 1
 
 
 @pytest.fixture(autouse=True)

@@ -35,7 +35,7 @@ def test_generate_returns_a_run_and_writes_nothing(
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("how", [BODY, TINY], ids=["body", "smooth"])
+@pytest.mark.parametrize("how", [pytest.param(BODY, marks=pytest.mark.thorough), TINY], ids=["body", "smooth"])
 def test_same_seed_same_run_other_seed_other_run(how: dict) -> None:
     one, two, three = (hopdiff.generate(speed=3, seed=seed, **how) for seed in (1, 1, 2))
     assert torch.equal(one.clip.rotations, two.clip.rotations)
@@ -54,6 +54,7 @@ def test_generate_leaves_pytorch_and_hydra_as_they_were() -> None:
     assert torch.equal(torch.random.get_rng_state(), state)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

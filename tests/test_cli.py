@@ -41,11 +41,14 @@ def test_printed_commands_compose(path: Path) -> None:
     found = [line for line in commands(path.read_text(encoding="utf-8")) if "..." not in line]
     found = [line for line in found if not line[0].startswith("--")]
     assert len(found) >= 5
+    jobs = set()
     for line in found:
         # Of a sweep, the first and the last job.
         for pick in (0, -1):
             words = [word.split("=", 1) for word in line if "=" in word and not word.startswith("hydra")]
-            compose([f"{name}={values.split(',')[pick] if '-m' in line else values}" for name, values in words])
+            jobs.add(tuple(f"{name}={values.split(',')[pick] if '-m' in line else values}" for name, values in words))
+    for job in jobs:
+        compose(job)
 
 
 def test_help_is_a_page(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -78,6 +81,7 @@ def test_a_mistake_in_a_process_of_its_own(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.thorough
 def test_the_trace_in_a_process_of_its_own(tmp_path: Path) -> None:
     done = hopdiff("speed=-3", cwd=tmp_path, HYDRA_FULL_ERROR="1")
     assert done.returncode == 1
@@ -85,7 +89,7 @@ def test_the_trace_in_a_process_of_its_own(tmp_path: Path) -> None:
     assert "speed must be a number above 0" in done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_sweep_side_by_side(tmp_path: Path) -> None:
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
     done = hopdiff(

@@ -29,6 +29,7 @@ CHOICES = [
 # The model of choices that are not for the default one.
 MODEL_OF = {("costs", "default"): "smooth", ("costs", "thesis"): "thesis", ("genes", "default"): "smooth"}
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
+BRIEF = ("neutral", "thesis")  # experiments; the others are searched longer, or much the same
 TINY = ("budget.evaluations=200", "threads=1")
 # Some least run of a body, which is not searched for then.
 LEAST = ("costs.least.external_work=0.2", "costs.least.contact_time=0.25")
@@ -42,6 +43,7 @@ def test_every_group_has_choices() -> None:
     assert {"brisk", "neutral"} <= set(EXPERIMENTS)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("group", "name"), CHOICES)
 def test_every_choice_composes_and_builds(group: str, name: str) -> None:
     # Every body at a speed that is a run for its size.
@@ -66,6 +68,7 @@ def test_a_replay_at_another_speed_forgets_the_least_run() -> None:
     assert with_saved(compose(["costs.least.external_work=0.3"]), saved, typed).costs.least.external_work == 0.3
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("model", ["body", "smooth", "thesis"])
 @pytest.mark.parametrize("group", ["costs", "genes"])
 def test_costs_and_genes_follow_the_model(group: str, model: str) -> None:
@@ -74,7 +77,9 @@ def test_costs_and_genes_follow_the_model(group: str, model: str) -> None:
     assert compose([f"model={model}"])[group].name == default
 
 
-@pytest.mark.parametrize("name", EXPERIMENTS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in BRIEF else pytest.mark.thorough) for name in EXPERIMENTS]
+)
 def test_every_experiment_runs(name: str) -> None:
     config = compose([f"+experiment={name}", *TINY])
     run = search_run(build_job(config))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from hopdiff import costs
-from hopdiff.costs import Calibration
+from hopdiff.costs import Calibration, StyleSettings
 from hopdiff.models.thesis import ThesisModel
 from hopdiff.models.trajectory import JOINT_CHANNELS, Trajectory
 from hopdiff.numerics import GRAVITY, chebyshev_nodes
@@ -268,7 +269,7 @@ def styled(beta: float, style: StyleSettings) -> Trajectory:
 
 @pytest.mark.parametrize("beta", [0.15, 0.2, 0.6])
 def test_a_run_that_follows_the_power_law_has_the_style(beta: float) -> None:
-    style = StyleSettings(contact_time=-0.3, flight_time=0.5, bounce=0.7, arm_swing=-0.4)
+    style = replace(cost_settings().style, contact_time=-0.3, flight_time=0.5, bounce=0.7, arm_swing=-0.4)
     right = float(costs.style_mismatch(styled(beta, style), problem().ordinary, style, beta))
     assert right == pytest.approx(0.0, abs=1e-12)
     for name in ("contact_time", "flight_time"):
@@ -279,7 +280,7 @@ def test_a_run_that_follows_the_power_law_has_the_style(beta: float) -> None:
 
 def test_style_stays_where_it_is_below_half_of_the_ordinary_target() -> None:
     # beta 1/9 asks for 1/8, half of the 1/4 of beta 0.2.
-    style, usual = StyleSettings(), problem().ordinary
+    style, usual = cost_settings().style, problem().ordinary
     calm = [float(costs.style_mismatch(ordinary(), usual, style, beta)) for beta in (0.0, 0.05, 1.0 / 9.0, 0.15)]
     assert calm[0] == calm[1] == pytest.approx(calm[2], rel=1e-9)
     assert calm[3] < 0.5 * calm[2]
@@ -398,7 +399,7 @@ def test_the_worst_constraint_names_the_failure() -> None:
 
 def test_penalties_add_up_over_constraints() -> None:
     excess = {Status.LEG_FORCE: column(0.3), Status.NO_FLIGHT: column(0.5), Status.LEG_OVERREACH: column(-1.0)}
-    limits = LimitSettings(penalty=3.0, margin=0.1)
+    limits = replace(cost_settings().limits, penalty=3.0, margin=0.1)
     assert float(costs.penalty(excess, limits)) == pytest.approx(3.0 * (0.4**2 + 0.6**2))
 
 

@@ -90,6 +90,7 @@ def only_sentence(capsys: pytest.CaptureFixture[str]) -> str:
     return err
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_is_one_sentence(
     mistake: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
@@ -99,6 +100,7 @@ def test_a_mistake_is_one_sentence(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("content", "says"),
     [
@@ -153,6 +155,7 @@ def test_runs_that_are_not_there(
     assert "runs=empty holds no run" in only_sentence(capsys)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("content", "says"),
     [

@@ -32,6 +32,7 @@ def run(name: str, *words: str) -> Run:
     return search_run(build_job(compose([f"+experiment=kang1999/{name}", *words])))
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", FIGURES)
 def test_figures_run_with_the_numbers_of_the_thesis(name: str) -> None:
     speed, beta, search, eta_is_5 = FIGURES[name]
@@ -57,6 +58,7 @@ def test_sweeps_end_in_their_comparison(name: str) -> None:
     assert hydra.callbacks.compare._target_ == "hopdiff.callbacks.CompareRuns"
 
 
+@pytest.mark.thorough
 def test_a_slow_run_moves_the_trunk_more_than_a_fast_one_at_the_same_eta() -> None:
     """What figures 3.11 and 3.12 show."""
     slow, fast = (_sway(run(name)) for name in ("fig_3_11", "fig_3_12"))

@@ -30,6 +30,7 @@ def draw(of: RunProblem, count: int, seed: int = 0, inside: float = 0.0) -> Tens
     return inside + (1.0 - 2.0 * inside) * torch.rand(count, of.dimension, generator=generator, dtype=of.dtype)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("form", ["smooth", "ratio"])
 @pytest.mark.parametrize("priced", ["eval", "merit"])
 def test_gradients_agree_with_central_differences(form: str, priced: str) -> None:
@@ -55,6 +56,7 @@ def test_gradients_agree_with_central_differences(form: str, priced: str) -> Non
         assert float(error.max()) < 1e-4, name
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("speed", [3, 5, 8])
 def test_most_of_the_box_is_possible(speed: int) -> None:
     p = problem(f"speed={speed}")
@@ -86,6 +88,7 @@ def test_neighbours_do_not_matter() -> None:
             assert int(other.status[i]) == int(alone.status[0])
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("model", ["smooth", "thesis"])
 @pytest.mark.parametrize("character", ["human", "child", "cartoon"])
 def test_the_ordinary_run_has_the_energy_of_beta_0_2(model: str, character: str) -> None:

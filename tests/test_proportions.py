@@ -160,6 +160,7 @@ def test_a_factor_out_of_range_names_its_setting(part: str, factor: float) -> No
     assert str(caught.value) == f"character.proportions.{part} must lie between 0.5 and 2, not {factor:g}."
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("override", "said"),
     [

@@ -80,6 +80,7 @@ def problem(request: pytest.FixtureRequest) -> RunProblem:
     return build_job(compose([f"model={model}", f"dtype={dtype}"])).problem
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("population", [1, 5])
 def test_prices(problem: RunProblem, population: int) -> None:
     assert isinstance(problem, Problem)
@@ -97,6 +98,7 @@ def test_motion(problem: RunProblem) -> None:
     assert motion.clip.rotations.dtype == problem.dtype
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("batch", [(), (4,), (2, 3)])
 def test_geometry(problem: RunProblem, batch: tuple[int, ...]) -> None:
     skeleton = problem.character.skeleton

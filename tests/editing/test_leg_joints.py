@@ -10,7 +10,8 @@ from hopdiff.editing.leg_joints import Leg, facing, find_legs, plain_name
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
-from tests.editing.walks import mocap, stride
+from tests.editing.walks import stride
+from tests.people import clip_of
 
 PARTS = ("hip", "knee", "ankle", "toe")
 # How some makers call root, left and right hip, knee, ankle and toe.
@@ -67,9 +68,12 @@ def test_a_run_of_our_own_stands_on_the_ends_of_its_shanks() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["walk_straight_cmu_07_01", "walk_straight_snu_30hz", "wander_snu_93s_30hz"])
-def test_captured_skeletons(name: str) -> None:
-    body = mocap(name).skeleton
+@pytest.mark.parametrize(
+    "name",
+    ["walk", "walk without toes", "walk_straight_cmu_07_01", "walk_straight_snu_30hz", "wander_snu_93s_30hz"],
+)
+def test_skeletons_of_people(name: str) -> None:
+    body = clip_of(name).skeleton
     for leg in find_legs(body):
         names = [body.names[i] for i in (leg.hip, leg.knee, leg.ankle) if i is not None]
         assert names == [f"{leg.side.capitalize()}{part}" for part in ("UpLeg", "Leg", "Foot")]

@@ -11,7 +11,8 @@ from hopdiff.editing.loop import is_loop, repeated
 from hopdiff.editing.root_path import root_path, with_root_path
 from hopdiff.editing.targets import Constraint, edit_path
 from hopdiff.geometry.clip import Clip
-from tests.editing.walks import mocap, stride
+from tests.editing.walks import stride
+from tests.people import clip_of
 
 
 def part(clip: Clip, frames: int) -> Clip:
@@ -25,8 +26,9 @@ def test_a_stride_of_our_own_is_a_loop_and_a_part_of_it_is_not() -> None:
     assert not is_loop(part(clip, 2))
 
 
-def test_a_walk_between_two_stands_is_no_loop() -> None:
-    assert not is_loop(mocap("walk_turn_left90_cmu_16_17"))
+@pytest.mark.parametrize("name", ["walk with a turn", "walk_turn_left90_cmu_16_17"])
+def test_a_walk_between_two_stands_is_no_loop(name: str) -> None:
+    assert not is_loop(clip_of(name))
 
 
 @pytest.mark.parametrize("count", [1, 2, 7])

@@ -13,7 +13,7 @@ from hopdiff.editing.root_path import RootPath, path_of, steps_of
 from hopdiff.editing.solve import PathSolver, SolveSettings, Targets
 from hopdiff.editing.targets import Constraint, EditedPath, edit_path, targets_of
 from hopdiff.types import HopdiffError
-from tests.editing.walks import mocap_path, walk
+from tests.editing.walks import path_of_clip, walk
 
 FRAME = 1.0 / 30.0
 
@@ -125,9 +125,18 @@ def test_a_chain_of_headings_goes_on_turning() -> None:
     assert float(edited.path.yaw[-1] - path.yaw[-1]) == pytest.approx(6.3, abs=1e-5)
 
 
-@pytest.mark.parametrize("name", ["walk_straight_cmu_07_01", "walk_straight_cmu_16_15", "walk_straight_snu_30hz"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "walk",
+        "walk without toes",
+        "walk_straight_cmu_07_01",
+        "walk_straight_cmu_16_15",
+        "walk_straight_snu_30hz",
+    ],
+)
 def test_walks_turn_without_slipping_sideways_or_kinks(name: str) -> None:
-    path, frame_time = mocap_path(name)
+    path, frame_time = path_of_clip(name)
     found = path_measures(path, edit_path(path, [last(path, end(path), 90.0)], frame_time).path, frame_time)
     assert found["side_slip_p95_deg"] < 5.0
     assert 0.9 < found["stretch"] < 1.15

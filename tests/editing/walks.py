@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from pathlib import Path
 
-import pytest
 import torch
 
 from hopdiff.editing.root_path import RootPath, root_path
 from hopdiff.geometry.clip import Clip
-from hopdiff.io.bvh import read_bvh
 from hopdiff.motion import Motion
 from tests.builders import make_problem, valid_genes
-
-MOCAP = Path(__file__).resolve().parents[3] / "shared" / "mocap"
+from tests.people import clip_of
 
 
 def walk(frames: int = 120, frame_time: float = 1.0 / 30.0, bend: float = 0.0, facing: float = 0.0) -> RootPath:
@@ -43,14 +39,7 @@ def stride() -> Clip:
     return stride_motion().clip
 
 
-def mocap(name: str) -> Clip:
-    """A captured clip; skips the test where it is not there."""
-    file = MOCAP / f"{name}.bvh"
-    if not file.is_file():
-        pytest.skip(f"needs {file.name}, which is not part of the project")
-    return read_bvh(file).clip()
-
-
-def mocap_path(name: str) -> tuple[RootPath, float]:
-    clip = mocap(name)
+def path_of_clip(name: str) -> tuple[RootPath, float]:
+    """Of a walk that is made or captured, and its seconds a frame."""
+    clip = clip_of(name)
     return root_path(clip), clip.frame_time

@@ -23,6 +23,7 @@ LEAST = ("costs.least.external_work=0.11", "costs.least.contact_time=0.22")
 BRISK = ("speed=3.5", "beta=0.7", *LEAST)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("settings", [ORDINARY, BRISK])
 def test_gradients_agree_with_central_differences(settings: tuple[str, ...]) -> None:
     """Of the merit by every gene, at two runs; measured: to 1e-5 of the largest entry."""

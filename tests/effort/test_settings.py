@@ -9,6 +9,7 @@ from hopdiff.config import build_job
 from hopdiff.types import HopdiffError
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("overrides", "says"),
     [

@@ -13,6 +13,7 @@ from hopdiff.doors import config_folder
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = sorted(path.stem for path in (config_folder() / "experiment" / "kim2021").glob("*.yaml"))
 SMALL = ("search=ordinary", "fps=30", "edit.strides=3")
+BRIEF = ("fig_4a",)  # the variant of the paper
 
 
 @pytest.fixture(autouse=True)
@@ -20,7 +21,10 @@ def from_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT))
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "fig_6"])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[] if name in BRIEF else pytest.mark.thorough) for name in NAMES if name != "fig_6"],
+)
 def test_every_experiment_runs_on_a_run_of_our_own(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     arguments = [f"+experiment=kim2021/{name}", *SMALL, f"hydra.run.dir={tmp_path / 'run'}"]
     monkeypatch.setattr("sys.argv", ["hopdiff", *arguments])
@@ -31,6 +35,7 @@ def test_every_experiment_runs_on_a_run_of_our_own(name: str, tmp_path: Path, mo
     assert list((tmp_path / "run").glob("*.png"))
 
 
+@pytest.mark.thorough
 def test_the_gallery_is_built_without_captured_clips(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -21,6 +21,7 @@ SMALL: dict[str, tuple[str, ...]] = {
     "eta": SWEPT,
     "fig_2_2": (*SEARCHED, "character.proportions.legs=1,1.1"),
 }
+BRIEF = ("fig_2_1", "fig_3_4", "fig_5_5")  # a body, a hopper and a search
 
 
 @pytest.fixture(autouse=True)
@@ -28,7 +29,9 @@ def from_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in BRIEF else pytest.mark.thorough) for name in NAMES]
+)
 def test_every_experiment_runs_in_small(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "run"
     places = (f"hydra.run.dir={folder}", f"hydra.sweep.dir={folder}")
@@ -47,6 +50,7 @@ def test_the_gallery_shows_every_experiment_and_takes_pictures_that_are_made() -
     assert used == set(NAMES)
 
 
+@pytest.mark.thorough
 def test_the_gallery_is_built_from_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from experiments.kang1999.__main__ import main as build
 

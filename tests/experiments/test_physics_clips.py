@@ -1,16 +1,21 @@
-"""The checker of finished runs on captured clips: small ones that are made up, and two of people, if they are there."""
+"""The checker of finished runs on captured clips: small ones that are made up, a run of our own, and two of people."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from hopdiff.export.anatomy import renamed
+from hopdiff.export.full_body import full_body
+from hopdiff.io.bvh import write_bvh
 from tests.experiments.physics_motions import GRAVITY
+from tests.export.takes import own
+from tests.people import captured_file
 
 ROOT = Path(__file__).resolve().parents[2]
-MOCAP = ROOT.parent / "shared" / "mocap"
 
 
 @pytest.fixture(autouse=True)
@@ -69,14 +74,26 @@ def test_clips_that_cannot_be_compared_say_why(tmp_path: Path) -> None:
             read_clip(tmp_path / f"{name}.bvh")
 
 
+def test_a_run_of_our_own_that_is_read_as_captured_is_near_the_laws_of_motion(tmp_path: Path) -> None:
+    from experiments.physics.captured import read_clip
+    from experiments.physics.check import check
+
+    clip = full_body(own().repeated(4)).clip
+    write_bvh(tmp_path / "own.bvh", replace(clip, skeleton=renamed(clip.skeleton, "mixamo")), "ZYX", 100.0)
+    figures = check(read_clip(tmp_path / "own.bvh"))
+    assert own().contact is not None
+    flight = 1.0 - float(own().contact.any(dim=-1).double().mean())
+    assert figures["flight_share"] == pytest.approx(flight, abs=0.05)
+    assert figures["flight_force_rms_bw"] < 0.3
+    assert 2.0 < figures["vertical_peak_bw"] < 4.0
+
+
 @pytest.mark.parametrize("name", ["run_cmu_16_35", "run_turn_left90_cmu_16_42"])
 def test_people_who_run_are_near_the_laws_of_motion(name: str) -> None:
     from experiments.physics.captured import read_clip
     from experiments.physics.check import check
 
-    if not (path := MOCAP / f"{name}.bvh").is_file():
-        pytest.skip("needs captured clips")
-    figures = check(read_clip(path))
+    figures = check(read_clip(captured_file(name)))
     assert 0.1 < figures["flight_share"] < 0.5
     assert figures["flight_force_rms_bw"] < 0.5
     assert 2.0 < figures["vertical_peak_bw"] < 3.5

@@ -49,6 +49,7 @@ def test_reach_names_what_misses_a_bar() -> None:
     ]
 
 
+@pytest.mark.thorough
 def test_searches_goes_on_where_it_stopped_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from experiments.searches.__main__ import main
 
@@ -82,6 +83,7 @@ def test_expected_running_time_counts_the_failures() -> None:
     assert study.ecdf("a", priced(2.0))[1][-1] == (7 + 1) / 14
 
 
+@pytest.mark.thorough
 def test_bench_prints_its_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from experiments.bench.__main__ import main
 

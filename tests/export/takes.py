@@ -6,9 +6,10 @@ from functools import cache
 
 from hopdiff.export.take import Take
 from tests.builders import make_character
-from tests.editing.walks import mocap, stride_motion
+from tests.editing.walks import stride_motion
+from tests.people import clip_of
 
-CAPTURED = ("walk_straight_cmu_16_15", "walk_straight_snu_30hz")
+WALKS = ("walk", "walk without toes", "walk_straight_cmu_16_15", "walk_straight_snu_30hz")
 
 
 @cache
@@ -20,5 +21,6 @@ def own() -> Take:
 
 
 @cache
-def captured(name: str = CAPTURED[0]) -> Take:
-    return Take.of_clip(name, mocap(name), {})
+def walked(name: str = WALKS[0]) -> Take:
+    """Of one who is made up, or captured: nothing but the clip is known."""
+    return Take.of_clip(name, clip_of(name), {})

@@ -10,7 +10,7 @@ from hopdiff.export.full_body import full_body
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
-from tests.export.takes import CAPTURED, captured, own
+from tests.export.takes import WALKS, own, walked
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -28,9 +28,9 @@ def test_eleven_joints_are_renamed_as_far_as_they_go() -> None:
     assert "mixamorig:LeftFoot" not in names
 
 
-@pytest.mark.parametrize("name", CAPTURED)
-def test_parts_of_captured_bodies_are_where_they_should_be(name: str) -> None:
-    skeleton = captured(name).clip.skeleton
+@pytest.mark.parametrize("name", WALKS)
+def test_parts_of_people_are_where_they_should_be(name: str) -> None:
+    skeleton = walked(name).clip.skeleton
     parts = parts_of(skeleton)
     limbs = [f"{side}_{part}" for side in ("left", "right") for part in ("hip", "knee", "ankle", "shoulder", "elbow")]
     assert {"pelvis", "waist", *limbs} <= set(parts)

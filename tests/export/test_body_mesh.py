@@ -9,7 +9,7 @@ from hopdiff.export.loft import Surface
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.whole_body.skeleton import full_skeleton
 from tests.builders import make_character
-from tests.export.takes import CAPTURED, captured
+from tests.export.takes import WALKS, walked
 
 
 def volume(surface: Surface) -> float:
@@ -46,9 +46,9 @@ def test_heavier_bodies_are_thicker() -> None:
     assert np.ptp(thick[:, 2]) > np.ptp(thin[:, 2])
 
 
-@pytest.mark.parametrize("name", CAPTURED)
-def test_captured_bodies_have_one_around_their_bones(name: str) -> None:
-    skeleton = captured(name).clip.skeleton
+@pytest.mark.parametrize("name", WALKS)
+def test_people_have_one_around_their_bones(name: str) -> None:
+    skeleton = walked(name).clip.skeleton
     surfaces = body_mesh(skeleton)
     straight = torch.eye(3, dtype=torch.float64).expand(1, len(skeleton.names), 3, 3)
     places = skeleton.forward(torch.zeros(1, 3).double(), straight)[0][0].numpy()

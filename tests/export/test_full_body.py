@@ -7,7 +7,7 @@ from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS, full_skeleton
 from tests.builders import make_character
-from tests.export.takes import captured, own
+from tests.export.takes import own, walked
 
 
 def test_the_model_stays_where_it_is_but_for_the_legs_that_reach_for_their_feet() -> None:
@@ -74,4 +74,4 @@ def test_bodies_of_any_shape_get_the_joints(name: str) -> None:
 
 def test_other_bodies_are_refused() -> None:
     with pytest.raises(HopdiffError, match="joints=full"):
-        full_body(captured())
+        full_body(walked())

@@ -14,21 +14,21 @@ from hopdiff.export.take import Take
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
 from tests.export.gltf import Gltf
-from tests.export.takes import CAPTURED, captured, own
+from tests.export.takes import WALKS, own, walked
 
 
 def body() -> Take:
     return full_body(own())
 
 
-@pytest.mark.parametrize("which", ["eleven", "full", "ground", "moving", *CAPTURED])
+@pytest.mark.parametrize("which", ["eleven", "full", "ground", "moving", *WALKS])
 def test_joints_are_where_they_are(which: str) -> None:
     take = {
         "eleven": own,
         "full": body,
         "ground": lambda: with_ground_root(body(), "root"),
         "moving": lambda: stretched(own()),
-    }.get(which, lambda: captured(which))()
+    }.get(which, lambda: walked(which))()
     file = Gltf.of(glb_bytes([take]))
     places = take.clip.joint_positions().numpy()
     for frame in {0, take.frames // 3, take.frames - 1}:

@@ -9,7 +9,7 @@ from hopdiff.editing.root_path import root_path, with_root_path
 from hopdiff.export.ground import ground_path
 from hopdiff.export.prepare import in_place, with_ground_root
 from hopdiff.export.take import Take
-from tests.export.takes import captured, own
+from tests.export.takes import own, walked
 
 
 def bent(take: Take, turn: float) -> Take:
@@ -58,12 +58,12 @@ def test_turns_are_left_out_on_the_spot() -> None:
     here = in_place(take)
     assert float(root_path(here.clip).yaw.abs().max()) < 0.15
     assert float(here.clip.root_position[:, [0, 2]].abs().max()) < 0.3
-    slow = in_place(captured())
+    slow = in_place(walked())
     assert float(slow.clip.root_position[:, [0, 2]].abs().max()) < 0.3
 
 
 def test_the_root_on_the_ground_carries_the_way_and_nothing_else_moves() -> None:
-    for take in (own(), own().repeated(4), bent(own().repeated(8), 1.0), captured()):
+    for take in (own(), own().repeated(4), bent(own().repeated(8), 1.0), walked()):
         grounded = with_ground_root(take, "root")
         assert grounded.clip.skeleton.names == ("root", *take.clip.skeleton.names)
         places = grounded.clip.joint_positions()

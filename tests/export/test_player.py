@@ -18,7 +18,7 @@ from hopdiff.export.glb import glb_bytes
 from hopdiff.export.player import page, write_player
 from hopdiff.export.take import Take
 from hopdiff.types import HopdiffError
-from tests.export.takes import captured, own
+from tests.export.takes import own, walked
 
 
 class Elements(HTMLParser):
@@ -101,8 +101,8 @@ def test_footprints_are_below_standing_feet() -> None:
             assert abs(float((toe - sole)[0])) < 0.02
 
 
-def test_several_motions_and_captured_ones() -> None:
-    takes = [replace(own(), name="a"), captured()]
+def test_several_motions_and_walks_of_people() -> None:
+    takes = [replace(own(), name="a"), walked()]
     data = told(page(takes, "overlaid"))
     assert data["together"] == "overlaid"
     assert [run["name"] for run in data["takes"]] == ["a", takes[1].name]

@@ -10,15 +10,15 @@ from hopdiff.export.pose import mirrored, with_rest_pose
 from hopdiff.export.take import Take
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
-from tests.export.takes import CAPTURED, captured, own
+from tests.export.takes import WALKS, own, walked
 
 HEIGHTS = {"t": 0.0, "a": -(0.5**0.5), "straight": -1.0}  # of a bone of length 1 that points along the arm
 
 
 @pytest.mark.parametrize("pose", HEIGHTS)
-@pytest.mark.parametrize("body", ["own", "full", *CAPTURED])
+@pytest.mark.parametrize("body", ["own", "full", *WALKS])
 def test_joints_stay_where_they_are_in_every_rest_pose(body: str, pose: str) -> None:
-    take = {"own": own, "full": lambda: full_body(own())}.get(body, lambda: captured(body))()
+    take = {"own": own, "full": lambda: full_body(own())}.get(body, lambda: walked(body))()
     posed = with_rest_pose(take, pose)
     torch.testing.assert_close(posed.clip.joint_positions(), take.clip.joint_positions(), atol=1e-9, rtol=0)
     ends, before = posed.clip.end_positions(), take.clip.end_positions()

@@ -21,8 +21,8 @@ from hopdiff.io.bvh import read_bvh, write_bvh
 from hopdiff.types import HopdiffError
 from tests.export.gltf import Gltf
 from tests.export.rigs import armature, glb, skeleton, with_legs, without, write_rest
-from tests.export.takes import CAPTURED, captured, own
-from tests.io.bvh_files import MOCAP
+from tests.export.takes import WALKS, own, walked
+from tests.people import file_of
 
 
 def of_parts(take: Take) -> dict[str, Tensor]:
@@ -163,10 +163,9 @@ def test_a_root_on_the_ground_carries_the_way(tmp_path: Path) -> None:
         torch.testing.assert_close(there, theirs[part], atol=1e-3, rtol=0)
 
 
-@pytest.mark.parametrize("name", CAPTURED)
-def test_captured_skeletons_in_their_own_files(tmp_path: Path, name: str) -> None:
-    captured(name)  # skips where there are none
-    path = MOCAP / f"{name}.bvh"
+@pytest.mark.parametrize("name", WALKS)
+def test_skeletons_of_people_in_their_own_files(tmp_path: Path, name: str) -> None:
+    path = file_of(name, tmp_path)
     target = read_target(path)
     take = retargeted(own(), target)
     assert drift(take) < 1e-3
@@ -176,8 +175,9 @@ def test_captured_skeletons_in_their_own_files(tmp_path: Path, name: str) -> Non
     torch.testing.assert_close(after.clip().joint_positions(), take.clip.joint_positions(), atol=1e-4, rtol=0)
 
 
-def test_captured_motion_on_our_body(tmp_path: Path) -> None:
-    source = captured("walk_straight_cmu_16_15")
+@pytest.mark.parametrize("name", ["walk", "walk_straight_cmu_16_15"])
+def test_walks_of_people_on_our_body(tmp_path: Path, name: str) -> None:
+    source = walked(name)
     take = retargeted(source, read_target(write_rest(tmp_path / "body.bvh", skeleton())))
     assert take.frames == source.frames
     parts, theirs = of_parts(take), of_parts(source)

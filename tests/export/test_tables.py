@@ -12,11 +12,11 @@ import torch
 from hopdiff.export.full_body import full_body
 from hopdiff.export.tables import ground_force, read_npz, write_csv, write_npz
 from hopdiff.types import HopdiffError
-from tests.export.takes import captured, own
+from tests.export.takes import own, walked
 
 
 def test_the_archive_gives_the_motion_again(tmp_path: Path) -> None:
-    for take in (own(), full_body(own()), captured()):
+    for take in (own(), full_body(own()), walked()):
         write_npz(tmp_path / "a.npz", take)
         found = read_npz(tmp_path / "a.npz")
         assert found.name == take.name
@@ -64,12 +64,12 @@ def test_the_table_has_the_columns_that_are_promised(tmp_path: Path) -> None:
     assert bool((columns["left.ground_force"][columns["left.contact"] == 0.0] == 0.0).all())
 
 
-def test_captured_clips_have_no_columns_of_what_is_not_known(tmp_path: Path) -> None:
-    write_csv(tmp_path / "a.csv", captured())
+def test_clips_alone_have_no_columns_of_what_is_not_known(tmp_path: Path) -> None:
+    write_csv(tmp_path / "a.csv", walked())
     header = (tmp_path / "a.csv").read_text().splitlines()[0].split(",")
     assert "left.contact" in header
     assert not [name for name in header if "force" in name or name.startswith("com")]
-    assert ground_force(captured()) is None
+    assert ground_force(walked()) is None
 
 
 def test_broken_archives_get_one_sentence(tmp_path: Path) -> None:

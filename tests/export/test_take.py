@@ -10,7 +10,7 @@ from hopdiff.export.take import Take
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.types import HopdiffError
 from tests.editing.walks import stride_motion
-from tests.export.takes import captured, own
+from tests.export.takes import own, walked
 
 
 def test_a_run_of_our_own_is_taken_with_all_that_is_known_of_it() -> None:
@@ -26,8 +26,8 @@ def test_a_run_of_our_own_is_taken_with_all_that_is_known_of_it() -> None:
     assert float(take.leg_force.max()) == pytest.approx(float(motion.leg_force.max()) * 70.0 * 9.81, rel=1e-3)
 
 
-def test_contacts_of_captured_clips_are_found() -> None:
-    take = captured()
+def test_contacts_of_walks_are_found() -> None:
+    take = walked()
     assert not take.loop
     assert take.contact is not None
     assert take.feet is not None

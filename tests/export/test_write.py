@@ -17,7 +17,7 @@ from hopdiff.io.bvh import read_bvh
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
 from tests.export.gltf import Gltf
-from tests.export.takes import captured, own
+from tests.export.takes import own, walked
 
 BVH = ("bvh_blender", "bvh_unity", "bvh_unreal")
 
@@ -55,6 +55,7 @@ def test_euler_orders(order: str, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("fps", [24, 30, 60, 120])
 def test_frame_rates_change_no_speed(fps: int, tmp_path: Path) -> None:
     for frames in ("whole", "exact"):
@@ -143,8 +144,8 @@ def test_what_a_motion_does_not_allow_leaves_no_file(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_captured_clips_keep_their_joints_and_names(tmp_path: Path) -> None:
-    take = captured()
+def test_clips_alone_keep_their_joints_and_names(tmp_path: Path) -> None:
+    take = walked()
     [(path, _)] = write_exports([take], {"bvh": ExportSettings("bvh")}, tmp_path)
     found = read_bvh(path)
     order = [found.names.index(name) for name in take.clip.skeleton.names]

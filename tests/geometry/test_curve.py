@@ -206,6 +206,7 @@ def test_smoothing_bends_less_the_longer_it_averages(closed: bool) -> None:
     assert missed[-1] < 1.5
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("points", [BENDS[:3], BENDS, UNEVEN])
 @pytest.mark.parametrize("smooth", [1e-3, 0.5, 2.0])
 def test_smoothing_leaves_the_ends_of_an_open_curve_where_they_are_and_unbent(

@@ -15,7 +15,8 @@ from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.graph.blend import Piece, assemble, eased, slerp
 from hopdiff.graph.graph import MotionGraph, build_graph
 from hopdiff.types import HopdiffError
-from tests.graph.walkers import angles_between, mocap, moved, walker, wanderer
+from tests.graph.walkers import angles_between, moved, walker, wanderer
+from tests.people import clip_of
 
 
 @pytest.fixture(scope="module")
@@ -104,8 +105,9 @@ def test_a_way_over_transitions_has_no_jumps(graph: MotionGraph, seed: int) -> N
     check_smooth(graph, assemble(graph, pieces), pieces)
 
 
-def test_captured_walks_are_blended_without_jumps() -> None:
-    graph = build_graph([mocap("wander_snu_93s_30hz")])
+@pytest.mark.parametrize("name", ["wander", "wander_snu_93s_30hz"])
+def test_people_s_walks_are_blended_without_jumps(name: str) -> None:
+    graph = build_graph([clip_of(name)])
     for seed in range(3):
         pieces = some_way(graph, 12, seed)
         check_smooth(graph, assemble(graph, pieces), pieces)

@@ -24,7 +24,8 @@ from hopdiff.graph.way import Way, find_way
 from hopdiff.graph.way_search import Allowance, Found, Goal, State, WaySearch
 from hopdiff.types import HopdiffError
 from tests.graph.rooms import hall, split_hall, two_rooms
-from tests.graph.walkers import angles_between, mocap, walker, wanderer
+from tests.graph.walkers import angles_between, walker, wanderer
+from tests.people import clip_of
 
 SCENES = Path(__file__).resolve().parents[2] / "conf" / "scenes"
 HALF = 0.25
@@ -35,9 +36,10 @@ def graph() -> MotionGraph:
     return build_graph([wanderer()])
 
 
-@pytest.fixture(scope="module")
-def captured() -> MotionGraph:
-    return build_graph([mocap("wander_snu_93s_30hz")])
+@pytest.fixture(scope="module", params=["wander", "wander_snu_93s_30hz"])
+def person(request: pytest.FixtureRequest) -> MotionGraph:
+    """Of someone who walks about, turns to both sides and stands at times."""
+    return build_graph([clip_of(request.param)])
 
 
 def check_way(way: Way, scene: Scene, start: Place, goal: Place, half_width: float = HALF) -> None:
@@ -68,6 +70,7 @@ def test_a_straight_way_is_walked_straight(graph: MotionGraph) -> None:
     assert float((way.path.place[:, 0] - 3.0).abs().max()) < 0.3
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("heading", [0.0, 90.0, 180.0, -90.0])
 def test_the_goal_is_met_with_any_heading(graph: MotionGraph, heading: float) -> None:
     start, goal = Place((3.0, 2.0), 0.4), Place((3.0, 9.0), math.radians(heading))
@@ -126,29 +129,29 @@ def test_the_search_alone_finds_the_quickest_of_all_walks() -> None:
     assert search.expansions == search.budget.expansions > 0
 
 
-def test_the_first_frame_and_standing_can_be_asked_for(captured: MotionGraph) -> None:
+def test_the_first_frame_and_standing_can_be_asked_for(person: MotionGraph) -> None:
     scene = read_scene(SCENES / "two_rooms.yaml")
     start, goal = scene.place("start"), scene.place("goal")
-    way = find_way(captured, scene, start, goal, WaySettings(start_frame=300))
+    way = find_way(person, scene, start, goal, WaySettings(start_frame=300))
     check_way(way, scene, start, goal)
     assert way.numbers["start_frame"] == 300
-    way = find_way(captured, scene, start, goal, WaySettings(start="standing", end="standing"))
+    way = find_way(person, scene, start, goal, WaySettings(start="standing", end="standing"))
     check_way(way, scene, start, goal)
-    able = standing(captured)
+    able = standing(person)
     assert able[int(way.numbers["start_frame"])]
     last = way.graph_path.place[-4:].diff(dim=0).norm(dim=-1)
     assert float(last.mean()) * 30.0 < 0.4
 
 
-@pytest.mark.parametrize(("name", "seconds"), [("two_rooms", 10.0), ("flat", 20.0)])
-def test_captured_walks_cross_the_shipped_scenes(captured: MotionGraph, name: str, seconds: float) -> None:
+@pytest.mark.parametrize(("name", "expansions"), [("two_rooms", 12_000), ("flat", 50_000)])
+def test_walks_of_people_cross_the_shipped_scenes(person: MotionGraph, name: str, expansions: int) -> None:
     scene = read_scene(SCENES / f"{name}.yaml")
     start, goal = scene.place("start"), scene.place("goal")
-    way = find_way(captured, scene, start, goal)
+    way = find_way(person, scene, start, goal)
     check_way(way, scene, start, goal)
-    assert way.numbers["seconds"] < seconds
+    assert way.numbers["expansions"] < expansions
     assert way.numbers["legs"] == 1 + len(way.waypoints)
-    source = captured.clips[0]
+    source = person.clips[0]
     own, made = (angles_between(clip.rotations[:-1, 1:], clip.rotations[1:, 1:]).max() for clip in (source, way.clip))
     assert float(made) <= 1.5 * float(own)
 
@@ -292,16 +295,16 @@ def test_headings_must_be_numbers(graph: MotionGraph, what: str) -> None:
         find_way(graph, hall(), places["start"], places["goal"])
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["two_rooms", "flat"])
-def test_walks_are_found_between_places_drawn_at_random(captured: MotionGraph, name: str) -> None:
+def test_walks_are_found_between_places_drawn_at_random(person: MotionGraph, name: str) -> None:
     scene = read_scene(SCENES / f"{name}.yaml")
     grid = FreeSpace(scene, HALF).grid
     rng = np.random.default_rng(0)
     free = np.flatnonzero(grid.free)
     for _ in range(20):
         spots = [Place(tuple(grid.place(rng.choice(free)).tolist()), rng.uniform(-math.pi, math.pi)) for _ in range(2)]
-        way = find_way(captured, scene, *spots)
+        way = find_way(person, scene, *spots)
         check_way(way, scene, *spots)
 
 

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
-import pytest
 import torch
 from torch import Tensor
 
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton
-from hopdiff.io.bvh import read_bvh
 
-MOCAP = Path(__file__).resolve().parents[3] / "shared" / "mocap"
 FRAME = 1.0 / 30.0
 NAMES = ("hips", "left_leg", "left_foot", "right_leg", "right_foot", "head")
 OFFSETS = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, -0.9, 0.0], [-0.1, 0.0, 0.0], [0.0, -0.9, 0.0], [0.0, 0.7, 0.0]]
@@ -76,11 +72,3 @@ def angles_between(first: Tensor, second: Tensor) -> Tensor:
     return 2.0 * torch.asin(
         ((between - torch.eye(3).to(between)).flatten(-2).norm(dim=-1) / math.sqrt(8.0)).clamp(max=1)
     )
-
-
-def mocap(name: str) -> Clip:
-    """A captured clip; skips the test where it is not there."""
-    file = MOCAP / f"{name}.bvh"
-    if not file.is_file():
-        pytest.skip(f"needs {file.name}, which is not part of the project")
-    return read_bvh(file).clip()

@@ -2,22 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
-
-MOCAP = Path(__file__).resolve().parents[3] / "shared" / "mocap"
-CLIPS = sorted(MOCAP.glob("*.bvh"))
-
-
-def mocap(name: str) -> Path:
-    """One of the shared clips; the test is skipped without them."""
-    if not (path := MOCAP / name).exists():
-        pytest.skip("the shared motion capture clips are not here")
-    return path
-
 
 PLAIN = """\
 HIERARCHY

@@ -125,7 +125,7 @@ def test_damaged_files_are_read_or_refused_with_the_line(data: bytes) -> None:
     check(data)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @settings(max_examples=10_000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(DAMAGED)
 def test_ten_thousand_damaged_files_are_read_or_refused_with_the_line(data: bytes) -> None:

@@ -13,7 +13,10 @@ from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.io.bvh import BvhFile, read_bvh, write_bvh
 from hopdiff.types import HopdiffError
 from tests.builders import make_problem
-from tests.io.bvh_files import CLIPS, FILES, MANY_ENDS, ORDERS_OF_ALL_KINDS, PLAIN, Z_UP, mocap, simple_positions
+from tests.io.bvh_files import FILES, MANY_ENDS, ORDERS_OF_ALL_KINDS, PLAIN, Z_UP, simple_positions
+from tests.people import CAPTURED, file_of
+
+CMU = 0.0254 / 0.45  # m in a unit of files made from those of Carnegie Mellon
 
 
 def saved(folder: Path, text: str | bytes, name: str = "a.bvh") -> Path:
@@ -552,12 +555,26 @@ def test_runs_of_our_own_are_read_as_what_they_are(tmp_path: Path, legs: float, 
         torch.testing.assert_close(found.end_positions()[name], place, atol=1e-5, rtol=0)
 
 
-@pytest.mark.skipif(not CLIPS, reason="the shared motion capture clips are not here")
-@pytest.mark.parametrize("path", CLIPS, ids=lambda path: path.stem)
-def test_shared_clips_are_read_and_come_back(tmp_path: Path, path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("walk", 0.01),
+        ("walk without toes", 1.0),
+        ("walk with a turn", CMU),
+        ("walk sideways", 0.01),
+        ("run", CMU),
+        ("wander", 0.01),
+        ("walk_straight_snu_30hz", 1.0),
+        ("walk_sideways_snu_cross90", 1.0),
+        ("wander_snu_93s_30hz", 0.01),
+        *((path.stem, CMU) for path in sorted(CAPTURED.glob("*_cmu_*.bvh"))),
+    ],
+)
+def test_clips_of_people_are_read_and_come_back(tmp_path: Path, name: str, unit: float) -> None:
+    path = file_of(name, tmp_path, 1.0 / unit)
     file = read_bvh(path)
     text = path.read_text()
-    assert file.unit == (0.01 if "wander_snu" in path.name else 1.0 if "snu" in path.name else 0.0254 / 0.45)
+    assert file.unit == unit
     assert file.up == "y"
     fixed = re.sub(r"[XYZ](?:POSITION|ROTATION)", lambda found: found.group().capitalize(), text)
     assert_positions(replace(file, joints=file.joints), fixed)
@@ -567,12 +584,13 @@ def test_shared_clips_are_read_and_come_back(tmp_path: Path, path: Path) -> None
     assert_same_file(read_bvh(tmp_path / "b.bvh"), file)
 
 
-def test_another_library_reads_what_is_written(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["walk", "walk_straight_cmu_07_01"])
+def test_another_library_reads_what_is_written(tmp_path: Path, name: str) -> None:
     pymotion = pytest.importorskip("pymotion.io.bvh", reason="upc-pymotion is not installed")
     from pymotion.ops.skeleton import fk
     from pymotion.rotations import quat
 
-    file = yawed(read_bvh(mocap("walk_straight_cmu_07_01.bvh")), 90.0)
+    file = yawed(read_bvh(file_of(name, tmp_path)), 90.0)
     file.write(tmp_path / "b.bvh")
     reader = pymotion.BVH()
     reader.load(str(tmp_path / "b.bvh"))

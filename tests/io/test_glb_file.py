@@ -150,9 +150,7 @@ def test_missing_files(tmp_path: Path) -> None:
         read_glb(tmp_path / "none.glb")
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=st.data())
-def test_damaged_files_are_read_or_refused(tmp_path: Path, data: st.DataObject) -> None:
+def check_damaged(tmp_path: Path, data: st.DataObject) -> None:
     whole = bytearray(armature(skeleton()))
     length = struct.unpack_from("<I", whole, 12)[0]
     for _ in range(data.draw(st.integers(1, 6))):
@@ -166,3 +164,16 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path, data: st.DataObject) 
         file.with_animation("a", torch.tensor([0.0, 1.0]), torch.zeros(2, 3, dtype=torch.float64), straight)
     except HopdiffError:
         pass
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damaged_files_are_read_or_refused(tmp_path: Path, data: st.DataObject) -> None:
+    check_damaged(tmp_path, data)
+
+
+@pytest.mark.thorough
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_many_damaged_files_are_read_or_refused(tmp_path: Path, data: st.DataObject) -> None:
+    check_damaged(tmp_path, data)

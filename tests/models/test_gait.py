@@ -19,6 +19,7 @@ def problem_of(model: str, amount: float) -> RunProblem:
     return make_problem(f"model={model}", "speed=4", "beta=0.3", f"limp.amount={amount}")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("model", "amount"), KINDS)
 def test_a_candidate_runs_alone_as_it_runs_among_others(model: str, amount: float) -> None:
     problem = problem_of(model, amount)

@@ -31,6 +31,7 @@ def values_at(gait: Gait, times: Tensor) -> Tensor:
     return torch.stack([*(values[0] for values in pose.channels.values()), pose.height[0], pose.travel[0]])
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("model", ["smooth", "thesis"])
 @pytest.mark.parametrize("amount", AMOUNTS)
 @pytest.mark.parametrize("leg", ["left", "right"])
@@ -85,6 +86,7 @@ def test_the_body_is_fastest_over_the_lame_leg() -> None:
     assert float(speed.max()) > 1.2 * float(elsewhere.mean())
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("model", ["smooth", "thesis"])
 @pytest.mark.parametrize(("leg", "sign"), [("left", -1.0), ("right", 1.0)])
 def test_the_body_leans_over_the_sound_leg(model: str, leg: str, sign: float) -> None:

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 import torch
@@ -122,9 +120,8 @@ def test_a_point_that_never_touches_says_so() -> None:
 
 def test_of_a_long_clip_only_contacts_are_drawn_on_a_wide_page() -> None:
     times, contact, speeds, heights = walk(93.0)
-    start = time.perf_counter()
     figure = drawn(feet_figure(times, NAMES, contact, speeds, heights))
-    assert time.perf_counter() - start < 3.0
+    assert len(figure.findobj()) < 1000
     assert figure.get_figwidth() == 24.0
     for axes, point in zip(figure.axes, np.repeat(range(4), 2), strict=True):
         for line in axes.lines:

@@ -9,7 +9,7 @@ import torch
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.plots.joints import Bones, points_of, side_of
 from hopdiff.types import HopdiffError
-from tests.editing.walks import mocap
+from tests.people import clip_of
 from tests.plots.conftest import make_skeleton
 from tests.plots.walkers import MAKES, sided, skeleton, walker
 
@@ -141,10 +141,16 @@ def test_a_body_without_a_head_gets_none() -> None:
 
 @pytest.mark.parametrize(
     ("name", "tip"),
-    [("walk_straight_cmu_16_15", "Head"), ("wander_snu_93s_30hz", "HEad"), ("walk_sideways_snu_cross90", "Spine1")],
+    [
+        ("walk", "Head"),
+        ("walk sideways", "Spine1"),
+        ("walk_straight_cmu_16_15", "Head"),
+        ("wander_snu_93s_30hz", "HEad"),
+        ("walk_sideways_snu_cross90", "Spine1"),
+    ],
 )
-def test_heads_of_captured_bodies(name: str, tip: str) -> None:
-    body = mocap(name).skeleton
+def test_heads_of_people(name: str, tip: str) -> None:
+    body = clip_of(name).skeleton
     bones = Bones(body)
     assert bones.head is not None
     assert bones.names[bones.head.tip] == tip

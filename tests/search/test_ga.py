@@ -1,6 +1,7 @@
 """The genetic algorithm: who breeds, and what children look like."""
 
 import math
+from functools import partial
 
 import pytest
 import torch
@@ -8,6 +9,7 @@ import torch
 from hopdiff.search.base import Eval
 from hopdiff.search.box import Box
 from hopdiff.search.ga import GA, Population
+from tests.counting import calls
 from tests.search import problems
 
 BOX = Box(3, torch.float64, torch.device("cpu"))
@@ -104,17 +106,18 @@ def test_first_generation_is_drawn_on_until_a_tenth_is_valid():
         assert state.generation == (valid_so_far == 4)
 
 
-def test_a_generation_is_bred_without_a_loop_over_individuals(benchmark):
-    settings, generator = GA(), seeded()
-    problem = problems.sphere(30)
-    state = settings.init(problem, generator)
-    genes, _ = settings.ask(state, generator)
-    result = problem.evaluate(genes, False)
-    state = settings.tell(state, genes, result, generator)
-
-    def generation():
+def test_a_generation_is_bred_without_a_loop_over_individuals():
+    counts = set()
+    for population in (50, 100, 1000):
+        settings, generator, problem = GA(population=population), seeded(), problems.sphere(30)
+        state = settings.init(problem, generator)
+        genes, _ = settings.ask(state, generator)
+        state = settings.tell(state, genes, problem.evaluate(genes, False), generator)
         children, _ = settings.ask(state, generator)
-        settings.tell(state, children, result._replace(cost=result.cost[:92]), generator)
-
-    benchmark(generation)
-    assert benchmark.stats["median"] < 3e-3
+        result = problem.evaluate(children, False)
+        bred = calls(partial(settings.ask, state, generator))
+        chosen = calls(partial(settings.tell, state, children, result, generator))
+        counts.add((bred, chosen))
+    # Whatever the number of individuals.
+    assert len(counts) == 1
+    assert max(counts.pop()) < 200

@@ -30,6 +30,7 @@ def run(search: Search, problem: problems.Function, evaluations: int = 1500, see
     return run_search(problem, search, Budget(evaluations), torch.Generator().manual_seed(seed))
 
 
+@pytest.mark.few(4)
 @EVERY
 @pytest.mark.parametrize("make", [problems.kinked, problems.half_invalid, problems.patchy])
 def test_a_seed_repeats_exactly_and_another_differs(search, make):
@@ -40,6 +41,7 @@ def test_a_seed_repeats_exactly_and_another_differs(search, make):
     assert first.history[0].median != other.history[0].median
 
 
+@pytest.mark.few(4)
 @EVERY
 @pytest.mark.parametrize("make", [problems.corner, problems.half_invalid, problems.rastrigin])
 def test_never_leaves_the_box(search, make):
@@ -76,6 +78,7 @@ def test_best_never_rises_and_is_what_the_genes_cost(search, make):
     torch.testing.assert_close(cost, cost.new_tensor([result.best_cost]), rtol=1e-12, atol=0)
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", [name for name in CASES if name != "random"])
 @pytest.mark.parametrize("make", [problems.ellipsoid, problems.half_invalid, problems.corner, problems.kinked])
 def test_beats_random_search(name, make):

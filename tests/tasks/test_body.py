@@ -58,6 +58,7 @@ def test_the_human_is_drawn_listed_and_recorded(
     assert "task=body" in json.loads((folder / "versions.json").read_text())["command"]
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", ["human", "child", "cartoon"])
 def test_the_measures_are_those_of_the_character(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "run"
@@ -73,6 +74,7 @@ def test_the_measures_are_those_of_the_character(name: str, tmp_path: Path, monk
     assert numbers["froude_speed"] ** 2 / (GRAVITY * numbers["leg_length"]) == pytest.approx(1.0)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "arguments",
     [(), ("character=child",), ("character.proportions.legs=1.2", "character.proportions.arms=0.8")],
@@ -132,6 +134,7 @@ def test_height_and_mass_can_be_typed(tmp_path: Path, monkeypatch: pytest.Monkey
     assert column(folder, "mass")["neck"] == pytest.approx(float(body.masses[2]) * 90.0 / body.mass)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("override", "said"),
     [
@@ -168,6 +171,7 @@ def test_a_file_in_the_place_of_the_folder_is_named(
     assert (tmp_path / "file").read_text() == "mine"
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("trunk", [0.5, 1.0, 2.0])
 def test_the_parts_of_the_trunk_add_up_whatever_its_length(
     trunk: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

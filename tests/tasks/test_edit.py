@@ -11,7 +11,8 @@ from PIL import Image
 from hopdiff.cli import main
 from hopdiff.editing.root_path import root_path
 from hopdiff.io.bvh import read_bvh, write_bvh
-from tests.editing.walks import MOCAP, stride
+from tests.editing.walks import stride
+from tests.people import file_of
 
 FILES = {"edited.bvh", "metrics.json", "config.yaml", "status.json", "versions.json", "git.json"}
 PICTURES = {"path.png", "strip.png", "feet.png"}
@@ -155,6 +156,7 @@ def test_a_thing_without_feet_is_moved_and_says_so(
     assert root_path(read_bvh(tmp_path / "run" / "edited.bvh", 1.0).clip()).place[-1].tolist() == pytest.approx([1, 3])
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -216,11 +218,20 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.skipif(not MOCAP.is_dir(), reason="needs captured clips, which are not part of the project")
-@pytest.mark.parametrize("name", ["walk_straight_snu_30hz", "walk_sideways_snu_cross90", "run_cmu_16_35"])
-def test_captured_clips(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "name",
+    [
+        "walk without toes",
+        "walk sideways",
+        "run",
+        "walk_straight_snu_30hz",
+        "walk_sideways_snu_cross90",
+        "run_cmu_16_35",
+    ],
+)
+def test_clips_of_people(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ("target.position=[0.2,-0.2]", "target.heading=60", "target.relative=true", "pictures=false")
-    assert command(monkeypatch, tmp_path / "run", f"clip={MOCAP / name}.bvh", *words) == 0
+    assert command(monkeypatch, tmp_path / "run", f"clip={file_of(name, tmp_path)}", *words) == 0
     found = metrics(tmp_path / "run")
     assert found["error_place"] < 1e-3
     assert found["error_yaw_deg"] < 0.1

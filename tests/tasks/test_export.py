@@ -85,6 +85,7 @@ def test_edits_are_exported_too(finished: Path, tmp_path: Path, monkeypatch: pyt
     assert (tmp_path / "alone" / "motion.glb").is_file()
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -145,13 +145,16 @@ def test_a_foot_below_the_ground_is_told(
 def test_the_defaults_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for legs in (1, 2):
         folder = tmp_path / str(legs)
-        assert command(monkeypatch, folder, "task=hopper", f"hopper.legs={legs}", "hopper.hops=8") == 0
+        assert (
+            command(monkeypatch, folder, "task=hopper", f"hopper.legs={legs}", "hopper.hops=8", "pictures=false") == 0
+        )
         numbers = metrics(folder)
         assert (numbers["periodic"], numbers["hops_done"], numbers["fell"]) == (True, 8, False)
         assert numbers["flight_times"] == pytest.approx([numbers["flight_time"]] * 8, abs=0.01)
         assert numbers["lowest_foot"] > -0.005
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("override", "said"),
     [

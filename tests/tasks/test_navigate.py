@@ -9,19 +9,11 @@ import pytest
 from hopdiff.cli import main
 from hopdiff.editing.root_path import root_path
 from hopdiff.io.bvh import read_bvh, write_bvh
-from tests.editing.walks import MOCAP, stride
+from tests.editing.walks import stride
+from tests.people import file_of
 
-WANDER = MOCAP / "wander_snu_93s_30hz.bvh"
-FILES = {
-    "walk.bvh",
-    "rooms.png",
-    "strip.png",
-    "metrics.json",
-    "config.yaml",
-    "status.json",
-    "versions.json",
-    "git.json",
-}
+RECORD = {"config.yaml", "status.json", "versions.json", "git.json"}
+FILES = {"walk.bvh", "rooms.png", "strip.png", "metrics.json", *RECORD}
 
 
 def command(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> int:
@@ -29,7 +21,11 @@ def command(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> i
     return main()
 
 
-@pytest.mark.skipif(not WANDER.is_file(), reason=f"needs {WANDER.name}, which is not part of the project")
+@pytest.fixture(scope="module", params=["wander", "wander_snu_93s_30hz"])
+def clip(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return file_of(request.param, tmp_path_factory.mktemp("clip"))
+
+
 @pytest.mark.parametrize(
     ("scene", "words", "goal"),
     [
@@ -42,11 +38,12 @@ def test_a_walk_leads_through_the_rooms(
     scene: str,
     words: tuple[str, ...],
     goal: tuple[float, float, float],
+    clip: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     folder = tmp_path / "run"
-    assert command(monkeypatch, folder, f"clips=[{WANDER}]", f"scene={scene}", *words) == 0
+    assert command(monkeypatch, folder, f"clips=[{clip}]", f"scene={scene}", *words) == 0
     made = {path.name for path in folder.iterdir() if "tfevents" not in path.name}
     assert made == (FILES if "pictures=false" not in words else FILES - {"rooms.png", "strip.png"})
     path = root_path(read_bvh(folder / "walk.bvh").clip())
@@ -61,13 +58,13 @@ def test_a_walk_leads_through_the_rooms(
     assert float(step.max()) < 0.1  # no jump from piece to piece
 
 
-@pytest.mark.skipif(not WANDER.is_file(), reason=f"needs {WANDER.name}, which is not part of the project")
-def test_the_same_settings_give_the_same_walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_settings_give_the_same_walk(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("a", "b"):
-        assert command(monkeypatch, tmp_path / name, f"clips=[{WANDER}]", "pictures=false") == 0
+        assert command(monkeypatch, tmp_path / name, f"clips=[{clip}]", "pictures=false") == 0
     assert (tmp_path / "a" / "walk.bvh").read_bytes() == (tmp_path / "b" / "walk.bvh").read_bytes()
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -119,7 +119,7 @@ def test_what_came_out_is_printed(
         STRAIGHT,
         CIRCLE,
         (*BENDS, "limp.amount=0.3"),
-        (*BENDS, "model=thesis"),
+        pytest.param((*BENDS, "model=thesis"), marks=pytest.mark.thorough),
         (*BENDS, "fps=24"),
         (*BENDS, *BODY),
     ],
@@ -243,6 +243,7 @@ PAIRS = "path.points must be a list of pairs of numbers: [[x, z], [x, z], ...]."
 HAIRPIN = "path.points=[[0,0],[0,10],[0.5,10],[0.5,0]]"
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("overrides", "said"),
     [
@@ -294,6 +295,7 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
     assert not list(tmp_path.rglob("motion*"))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("points", "time", "share"),
     [

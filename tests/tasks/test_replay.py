@@ -38,7 +38,7 @@ def test_the_same_motion_comes_back(either: Path, tmp_path: Path, monkeypatch: p
 
 
 def test_typed_settings_win(either: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert replay(tmp_path / "fast", either / "genes.json", monkeypatch, "fps=120", "beta=0.3") == 0
+    assert replay(tmp_path / "fast", either / "genes.json", monkeypatch, "fps=120", "beta=0.3", "pictures=false") == 0
     metrics = json.loads((tmp_path / "fast" / "metrics.json").read_text())
     assert metrics["frame_time"] == pytest.approx(1 / 120, rel=0.02)
     assert metrics["beta"] == 0.3
@@ -102,6 +102,7 @@ def test_mass_alone_leaves_the_motion_as_it_is(
     assert json.loads((tmp_path / "heavy" / "genes.json").read_text())["settings"]["character"]["mass"] == 90.0
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("words", [("speed=2",), ("speed=9",), ("character.proportions.legs=1.5",)], ids=" ".join)
 def test_genes_outside_the_range_of_a_search_are_told(
     words: tuple[str, ...],
@@ -129,6 +130,7 @@ def test_nothing_is_told_of_genes_inside_their_ranges(
     assert "Outside" not in capsys.readouterr().out
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     "words",
     [("character=child", "speed=1"), ("character.proportions.legs=1.2", "speed=1"), ("character.height=5", "speed=1")],
