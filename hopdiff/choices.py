@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -66,6 +67,26 @@ def structured(group: str, name: str, schema: type, settings: Mapping[str, Any])
     typed = OmegaConf.structured(schema)
     OmegaConf.set_readonly(typed, False)
     try:
-        return OmegaConf.to_object(OmegaConf.merge(typed, dict(settings)))
+        return OmegaConf.to_object(OmegaConf.merge(typed, with_floats(schema, dict(settings))))
     except OmegaConfBaseException as error:
         raise HopdiffError(f"{group}.{error.full_key}: {one_line(error)}") from error
+
+
+def with_floats(hint: Any, value: Any) -> Any:
+    """Plain data with whole numbers made floats wherever a type hint asks for floats, inside of lists and tables too.
+
+    OmegaConf does so for a float by itself, and refuses [0, 150] for a list of floats.
+    """
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if isinstance(hint, type) and is_dataclass(hint) and isinstance(value, Mapping):
+        hints = get_type_hints(hint)
+        return {name: with_floats(hints.get(name), one) for name, one in value.items()}
+    inside = get_args(hint)
+    if get_origin(hint) is list and isinstance(value, list):
+        return [with_floats(inside[0], one) for one in value]
+    if get_origin(hint) is dict and isinstance(value, Mapping):
+        return {name: with_floats(inside[1], one) for name, one in value.items()}
+    if get_origin(hint) in (Union, UnionType):
+        return with_floats(next(one for one in inside if one is not NoneType), value)
+    return value

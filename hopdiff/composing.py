@@ -23,7 +23,7 @@ from hopdiff.messages import typed_names
 from hopdiff.types import HopdiffError
 
 # What settings begin with that need not be there before they are set.
-NEW = ("search.", "costs.", "exports.", "genes.fixed.", "genes.fixed=", "edit.joints.", "edit.joints=")
+NEW = ("search.", "costs.", "model.", "exports.", "genes.fixed.", "genes.fixed=", "edit.joints.", "edit.joints=")
 MARK = "++"
 
 # Shared settings that are one number or word: 3 becomes 3.0 where that is meant, in names of folders too.
@@ -49,7 +49,7 @@ def with_new_names(words: Sequence[str]) -> list[str]:
 
 def as_typed(text: str) -> str:
     """A message without the marks of `with_new_names`."""
-    return re.sub(r"\+\+(?=search\.|costs\.|exports\.|genes\.fixed|edit\.joints)", "", text)
+    return re.sub(r"\+\+(?=search\.|costs\.|model\.|exports\.|genes\.fixed|edit\.joints)", "", text)
 
 
 @cache

@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from hopdiff.character import Character, CharacterSettings
-from hopdiff.choices import build_costs, build_model, build_search
+from hopdiff.choices import build_costs, build_model, build_search, with_floats
 from hopdiff.composing import known_settings, task_of
 from hopdiff.costs import CostSettings
 from hopdiff.effort.problem import BodyProblem
@@ -101,8 +101,8 @@ def typed(config: DictConfig, schema: type) -> Any:
     wrong value.
     """
     plain: Any = OmegaConf.to_container(config, resolve=True)
-    names = [entry.name for entry in fields(schema)]
-    merged = OmegaConf.merge(OmegaConf.structured(schema), {name: plain[name] for name in names if name in plain})
+    own = {entry.name: plain[entry.name] for entry in fields(schema) if entry.name in plain}
+    merged = OmegaConf.merge(OmegaConf.structured(schema), with_floats(schema, own))
     result = OmegaConf.to_object(merged)
     # Hydra takes new names from "+name=value", whatever the schema.
     for name in _strays(result, ""):

@@ -15,6 +15,7 @@ from hopdiff.choices import build_costs
 from hopdiff.composing import compose
 from hopdiff.config import build_job
 from hopdiff.costs import CostSettings
+from hopdiff.effort.settings import EffortSettings
 from hopdiff.problem import RunProblem
 
 
@@ -49,6 +50,14 @@ def cost_settings(name: str = "default") -> CostSettings:
     """The costs of one settings file of the smooth and the thesis model."""
     costs = build_costs(settings_of("costs", name), "smooth")
     assert isinstance(costs, CostSettings)
+    return costs
+
+
+@cache
+def effort_settings(name: str = "effort") -> EffortSettings:
+    """The costs of one settings file of the whole-body model."""
+    costs = build_costs(settings_of("costs", name), "body")
+    assert isinstance(costs, EffortSettings)
     return costs
 
 

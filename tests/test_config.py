@@ -115,22 +115,24 @@ def test_experiments_are_differences() -> None:
 def test_known_settings_name_the_top_level() -> None:
     known = known_settings()
     assert {"speed", "beta", "seed", "device", "dtype", "fps", "runs", "genes_file"} <= set(known)
-    assert {"budget.evaluations", "search.population", "character.height", "model.step"} <= set(known)
+    assert {"budget.evaluations", "character.height", "model.step", "edit.alpha", "costs.torque"} <= set(known)
+    assert {"search.population", "search.starts"} <= set(known_settings("search.popul"))
+    assert "exports.glb.cycles" in known_settings("exports.glb.cycle")
 
 
 def test_a_genes_file_brings_its_settings_along() -> None:
     saved = {"speed": 3.0, "beta": 0.2, "model": {"name": "smooth", "nodes": 9}, "unheard": 1}
-    merged = checked(with_saved(compose(), saved, typed=[]))
-    assert (merged.speed, merged.beta, merged.model.nodes) == (3.0, 0.2, 9)
+    merged = checked(with_saved(compose(), saved, []))
+    assert (merged.speed, merged.beta, merged.model["nodes"]) == (3.0, 0.2, 9)
     assert merged.fps == 60.0
 
 
 def test_what_is_typed_wins_over_a_genes_file() -> None:
     saved = {"speed": 3.0, "beta": 0.2, "model": {"name": "smooth", "nodes": 9, "sweeps": 1}}
     typed = compose(["speed=4", "model.nodes=7"])
-    merged = checked(with_saved(typed, saved, typed=["speed", "model.nodes", "search.population"]))
-    assert (merged.speed, merged.beta, merged.model.nodes, merged.model.sweeps) == (4.0, 0.2, 7, 1)
-    whole = checked(with_saved(compose(["model=smooth"]), saved, typed=["model"]))
+    merged = checked(with_saved(typed, saved, ["speed", "model.nodes", "search.population"]))
+    assert (merged.speed, merged.beta, merged.model["nodes"], merged.model["sweeps"]) == (4.0, 0.2, 7, 1)
+    whole = checked(with_saved(compose(["model=smooth"]), saved, ["model"]))
     assert whole.model == checked(compose(["model=smooth"])).model
 
 
@@ -138,7 +140,7 @@ def test_what_is_typed_wins_over_a_genes_file() -> None:
 def test_settings_survive_json(words: tuple[str, ...]) -> None:
     job = build_job(compose(words))
     saved = json.loads(json.dumps(job.saved))
-    again = build_job(with_saved(compose(["speed=7", "beta=0.1"]), saved, typed=[]))
+    again = build_job(with_saved(compose(["speed=7", "beta=0.1"]), saved, []))
     assert again.problem.speed == job.problem.speed
     assert torch.equal(again.table.low, job.table.low)
     assert torch.equal(again.problem.start, job.problem.start)

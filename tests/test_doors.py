@@ -6,9 +6,11 @@ import importlib
 import json
 import sys
 from collections.abc import Iterator
+from copy import deepcopy
 from pathlib import Path
 
 import pytest
+from hydra.core.config_store import ConfigStore
 
 from hopdiff.cli import main
 from hopdiff.composing import compose, register_choices
@@ -91,7 +93,9 @@ def others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.syspath_prepend(str(site))
     importlib.invalidate_caches()
     register_choices.cache_clear()
+    before = deepcopy(ConfigStore.instance().repo)
     yield tmp_path
+    ConfigStore.instance().repo = before
     register_choices.cache_clear()
     sys.modules.pop("others_things", None)
 

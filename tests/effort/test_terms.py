@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.effort.priced import Priced, softly_positive
-from hopdiff.effort.settings import EffortSettings, HumanSettings
+from hopdiff.effort.settings import EffortSettings
 from hopdiff.effort.terms import (
     Asked,
     Muscles,
@@ -26,8 +26,9 @@ from hopdiff.effort.terms import (
     touchdown_yaw,
 )
 from hopdiff.whole_body.layout import SEGMENTS
-from tests.effort.runs import priced
-from tests.whole_body.bodies import DTYPE
+from tests.builders import effort_settings
+from tests.effort.runs import ORDINARY, priced
+from tests.whole_body.bodies import DTYPE, body_problem
 
 GRAVITY = 9.81
 JOINTS = SEGMENTS[1:]
@@ -41,10 +42,11 @@ def settings(**changed: object) -> EffortSettings:
     plain: dict[str, object] = {
         **dict.fromkeys(WEIGHTS, 0.0),
         "strength": {kind: [0.2, 0.1, 0.3] for kind in kinds},
+        "tendon": {},
         "ankle_stiffness": 0.0,
         "transfer": 0.0,
     }
-    return EffortSettings(**(plain | changed))  # type: ignore[arg-type]
+    return replace(effort_settings(), **(plain | changed))  # type: ignore[arg-type]
 
 
 def muscles_of(run: Priced, given: EffortSettings) -> Muscles:
@@ -53,7 +55,7 @@ def muscles_of(run: Priced, given: EffortSettings) -> Muscles:
 
 def values(run: Priced, given: EffortSettings, asked: Asked = NOTHING_ASKED, knee: float = 1.8) -> dict[str, float]:
     rows = terms_of(given, muscles_of(run, given), run.pace, asked, knee)
-    return {row.name: float(row.value(run)[0]) for row in rows}
+    return {row.name: float(row.value(run)[0]) for row in rows if row.weight != 0.0}
 
 
 def integral(run: Priced, curve: Tensor) -> float:
@@ -239,7 +241,7 @@ def test_the_largest_knee_flexion_is_that_of_the_swing() -> None:
 
 
 def human(**changed: float) -> EffortSettings:
-    return settings(human=HumanSettings(**changed))
+    return settings(human=replace(effort_settings().human, **changed))
 
 
 def test_wishes_cost_the_square_of_what_they_miss() -> None:
@@ -291,9 +293,9 @@ def test_the_energy_asked_for_is_held_against_that_of_the_least_run() -> None:
 
 
 def test_rows_without_weight_are_left_out() -> None:
-    run = priced()
-    assert values(run, settings()) == {}
-    assert set(values(run, settings(torque=1.0))) == {"torque"}
+    rows = {row.name: row.weight for row in body_problem(*ORDINARY, "costs=effort", "costs.torque=0").terms}
+    assert set(rows) == {"positive_work", "negative_work", "torque_rate", "steady"}
+    assert min(rows.values()) > 0.0
 
 
 @pytest.mark.parametrize("scale", [0.15, 0.4])

@@ -47,7 +47,7 @@ def test_json_holds_no_nan(tmp_path: Path) -> None:
 
 
 def test_versions_name_the_command_and_torch() -> None:
-    made_with = versions(["speed=3"])
+    made_with = versions(["speed=3"], threads=1)
     assert made_with["command"] == ["speed=3"]
     assert made_with["torch"].split("+")[0] == torch.__version__.split("+")[0]
     assert made_with["threads"] == 1

@@ -4,30 +4,35 @@ from __future__ import annotations
 
 import pytest
 
-from hopdiff.models import MODELS, build_model
-from hopdiff.models.base import ModelSettings
+from hopdiff.choices import build_model
+from hopdiff.models import MODELS, AnyModel
 from hopdiff.models.limp import LimpSettings
 from hopdiff.models.smooth import SmoothModel
 from hopdiff.models.thesis import ThesisModel
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.model import BodyModel
-from tests.builders import make_character
+from tests.builders import make_character, settings_of
 
 KINDS = {"body": BodyModel, "smooth": SmoothModel, "thesis": ThesisModel}
+
+
+def model(name: str, limp: LimpSettings | None = None, **changed: float) -> AnyModel:
+    plain = settings_of("model", name if name in MODELS else "smooth") | changed | {"name": name}
+    return build_model(plain, make_character(), limp or LimpSettings())
 
 
 def test_every_name_builds_its_model_with_its_settings() -> None:
     assert sorted(KINDS) == sorted(MODELS)
     for name, kind in KINDS.items():
-        assert type(build_model(ModelSettings(name), make_character())) is kind
-    smooth = build_model(ModelSettings("smooth", nodes=20, sweeps=3), make_character())
+        assert type(model(name)) is kind
+    smooth = model("smooth", nodes=20, sweeps=3)
     assert isinstance(smooth, SmoothModel)
     assert (smooth.nodes, smooth.sweeps) == (20, 3)
-    thesis = build_model(ModelSettings("thesis", step=0.002, strides=5), make_character())
+    thesis = model("thesis", step=0.002, strides=5)
     assert isinstance(thesis, ThesisModel)
     assert (thesis.step, thesis.strides) == (0.002, 5)
-    with pytest.raises(HopdiffError, match=r"model\.name must be one of body, smooth, thesis, not 'robot'"):
-        build_model(ModelSettings("robot"), make_character())
+    with pytest.raises(HopdiffError, match=r"Unknown model\.name 'robot': choose one of body, smooth, thesis"):
+        model("robot")
 
 
 @pytest.mark.parametrize(
@@ -43,24 +48,25 @@ def test_every_name_builds_its_model_with_its_settings() -> None:
 )
 def test_settings_reach_to_their_bounds_and_no_further(setting: str, low: float, high: float) -> None:
     more = 1e-5 if setting == "step" else 1
+    (name,) = (name for name in MODELS if setting in settings_of("model", name))
     for value in (low, high):
-        build_model(ModelSettings("smooth", **{setting: value}), make_character())
+        model(name, **{setting: value})
     for value in (low - more, high + more):
         with pytest.raises(HopdiffError, match=rf"^model\.{setting} must lie between"):
-            build_model(ModelSettings("smooth", **{setting: value}), make_character())
+            model(name, **{setting: value})
 
 
 @pytest.mark.parametrize("name", ["smooth", "thesis"])
 def test_a_limp_of_nothing_is_none(name: str) -> None:
-    lame = build_model(ModelSettings(name), make_character(), LimpSettings("right", 0.3))
+    lame = model(name, limp=LimpSettings("right", 0.3))
     assert isinstance(lame, SmoothModel | ThesisModel)
     assert lame.limp == LimpSettings("right", 0.3)
     assert lame.sound.limp is None
-    sound = build_model(ModelSettings(name), make_character(), LimpSettings("right", 0.0))
+    sound = model(name, limp=LimpSettings("right", 0.0))
     assert isinstance(sound, SmoothModel | ThesisModel)
     assert sound.limp is None
     with pytest.raises(HopdiffError, match=r"limp\.amount"):
-        build_model(ModelSettings(name), make_character(), LimpSettings("right", 0.9))
+        model(name, limp=LimpSettings("right", 0.9))
 
 
 @pytest.mark.parametrize(("setting", "low", "high"), [("amount", 0.0, 0.8), ("haste", 0.0, 1.0)])
