@@ -9,7 +9,7 @@ from functools import cache
 import pytest
 import torch
 
-from hopdiff.editing.contacts import Contacts, contact_points, find_contacts, slide_numbers, spans
+from hopdiff.editing.contacts import Contacts, contact_points, find_contacts, leg_length, slide_numbers, spans
 from hopdiff.editing.feet import clean_feet
 from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.loop import repeated
@@ -258,3 +258,46 @@ def test_frames_that_stay_say_where_a_foot_stands() -> None:
     here = slice(first, last + 1)
     wanted = led[kept] + torch.polar(torch.ones_like(turn), turn) * (before[here] - before[kept])
     assert float((found[here] - wanted).abs().max()) < 1e-5
+
+
+def test_feet_that_a_moving_floor_carries_are_held_if_that_is_asked() -> None:
+    clip = sliding_run()
+    contacts = contacts_of(clip)
+    still = clean_feet(clip, clip, contacts.legs, contacts, still=True)
+    before, after = slide_numbers(clip, contacts), slide_numbers(still, contacts)
+    assert before["slide_speed"] == pytest.approx(0.2, abs=0.02)
+    assert after["slide_speed"] < 0.02
+    assert after["drift"] < 0.005
+    # In each contact a foot stands where it was on average.
+    own, held = (contact_points(c, contacts)[..., [0, 2]] for c in (clip, still))
+    for leg in (0, 1):
+        for first, last in contacts.plants(leg):
+            here = slice(first, last + 1)
+            assert (own[here, leg].mean(dim=0) - held[here, leg].mean(dim=0)).norm() < 1e-4
+    assert difference(clean_feet(clip, clip, contacts.legs, contacts), clip) < 1e-6
+
+
+def test_a_root_sinks_only_as_far_as_its_legs_are_too_short() -> None:
+    """Feet 60 cm apart sideways from where the hips are led: the root sinks around the contacts, and slowly."""
+    clip = own_run()
+    contacts = contacts_of(clip)
+    path = root_path(clip)
+    count = clip.frames
+    wave = 0.25 * torch.sin(torch.linspace(0.0, 40.0, count, dtype=torch.float64))
+    moved = with_root_path(clip, path, RootPath(path.place + torch.stack((wave, 0.0 * wave), dim=-1), path.yaw))
+    clean = clean_feet(clip, moved, contacts.legs, contacts)
+    lowered = (clip.root_position - clean.root_position)[:, 1]
+    assert float(lowered.min()) > -1e-9
+    assert 0.005 < float(lowered.max()) < 0.2
+    assert float(lowered.diff().abs().max()) / clip.frame_time < 1.5
+    assert torch.equal(clean.root_position[:, [0, 2]], moved.root_position[:, [0, 2]])
+    # Standing feet are where they should be, and no leg is longer than it is.
+    assert slide_numbers(clean, contacts)["drift"] < slide_numbers(clip, contacts)["drift"] + 2e-3
+    positions = clean.joint_positions()
+    for k, leg in enumerate(contacts.legs):
+        reach = (contact_points(clean, contacts)[:, k] - positions[:, leg.hip]).norm(dim=-1)
+        own = (contact_points(clip, contacts)[:, k] - clip.joint_positions()[:, leg.hip]).norm(dim=-1)
+        assert float((reach - torch.maximum(own, torch.tensor(0.995 * leg_length(clip, leg)))).max()) < 1e-6
+    # Nothing sinks that need not.
+    flat = with_root_path(clip, path, RootPath(path.place + torch.tensor([3.0, 1.0]), path.yaw))
+    assert torch.equal(clean_feet(clip, flat, contacts.legs, contacts).root_position, flat.root_position)
