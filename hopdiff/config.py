@@ -94,6 +94,11 @@ def checked(config: DictConfig) -> Config:
     return settings
 
 
+def early_checks(config: DictConfig) -> None:
+    """Raises HopdiffError, naming the setting, for what the shared settings alone tell to be wrong."""
+    build_search(checked(config).search)
+
+
 def typed(config: DictConfig, schema: type) -> Any:
     """The settings of a config that a settings class has, as an object of it; others are left alone.
 

@@ -7,12 +7,11 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from hopdiff.doors import TASKS
+from hopdiff.config import early_checks
+from hopdiff.doors import TASKS, load
+from hopdiff.io.record import write_record
 from hopdiff.io.run_folder import is_complete, opened
 from hopdiff.job import threads
-from hopdiff.tasks.base import Task
-from hopdiff.tasks.export import export_result
-from hopdiff.tasks.results import write_record
 
 
 def perform(config: DictConfig, folder: Path, command: Sequence[str], resume: bool = False) -> bool:
@@ -21,8 +20,10 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str], resume: bo
     resume: a job of a sweep, which is skipped where its run is there already, whole. Returns whether the user broke
     it off. Raises HopdiffError for whatever the user can put right.
     """
+    # What is easily mistyped is found before what draws and exports is loaded, which takes longer than all of this.
+    early_checks(config)
     name = str(config.task.name)
-    task: Task = TASKS.load(name, "task.name")
+    task = TASKS.load(name, "task.name")
     call = task.call(config, folder, command)
     if resume and not call.settings.overwrite and is_complete(folder, call.plain):
         print(f"{folder.name}: complete already.", flush=True)
@@ -33,5 +34,5 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str], resume: bo
             write_record(folder, call.plain, call.command)
             work(run)
             if call.exports and task.motion:
-                export_result(folder, call.exports)
+                load("hopdiff.tasks.export", "export_result")(folder, call.exports)
     return run.interrupted

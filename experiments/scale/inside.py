@@ -18,7 +18,7 @@ from hopdiff.perform import perform
 # Functions by module and name, and what they are for.
 PARTS = {
     ("config.py", "typed"): "settings checked for their types (OmegaConf)",
-    ("results.py", "write_settings"): "config.yaml written (OmegaConf, YAML)",
+    ("record.py", "write_settings"): "config.yaml written (OmegaConf, YAML)",
     ("problem.py", "evaluate"): "candidates priced",
     ("job.py", "make_run"): "motion and metrics",
     ("record.py", "git_state"): "git.json (four calls of git)",

@@ -15,6 +15,8 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from omegaconf import OmegaConf
+
 from hopdiff import __version__
 from hopdiff.io.files import write_whole
 from hopdiff.types import HopdiffError
@@ -60,6 +62,21 @@ def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write a JSON file that every reader takes: numbers that are not finite become null."""
     write_whole(path, json.dumps(finite(content), indent=2, allow_nan=False) + "\n")
+
+
+def write_settings(folder: Path, settings: Mapping[str, Any]) -> None:
+    """Write the whole configuration."""
+    write_whole(folder / "config.yaml", OmegaConf.to_yaml(OmegaConf.create(dict(settings))))
+
+
+def write_record(folder: Path, settings: Mapping[str, Any], command: list[str]) -> None:
+    """Write what a run was made with: config.yaml, versions.json, git.json.
+
+    settings: the whole configuration as plain data. command: the overrides typed by the user.
+    """
+    write_settings(folder, settings)
+    write_json(folder / "versions.json", versions(command, settings["threads"]))
+    write_json(folder / "git.json", git_state(Path(__file__).parents[1]))
 
 
 def versions(command: Sequence[str], threads: int | None = None) -> dict[str, Any]:

@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
-from omegaconf import OmegaConf
 
 from hopdiff.export.tables import write_npz
 from hopdiff.io.bvh import write_bvh
 from hopdiff.io.events import final_numbers, write_events
-from hopdiff.io.files import write_whole
 from hopdiff.io.genes_file import write_genes
-from hopdiff.io.record import git_state, versions, write_json, write_table
+from hopdiff.io.record import write_json, write_settings, write_table
 from hopdiff.io.run_folder import Note
 from hopdiff.job import Job, Run
 from hopdiff.plots.angles import angles_figure
@@ -87,21 +85,6 @@ def write_run_events(folder: Path, run: Run, command: Sequence[str], pictures: M
         results=final_numbers(run.metrics),
         pictures=pictures,
     )
-
-
-def write_settings(folder: Path, settings: Mapping[str, Any]) -> None:
-    """Write the whole configuration."""
-    write_whole(folder / "config.yaml", OmegaConf.to_yaml(OmegaConf.create(dict(settings))))
-
-
-def write_record(folder: Path, settings: Mapping[str, Any], command: list[str]) -> None:
-    """Write what a run was made with: config.yaml, versions.json, git.json.
-
-    settings: the whole configuration as plain data. command: the overrides typed by the user.
-    """
-    write_settings(folder, settings)
-    write_json(folder / "versions.json", versions(command, settings["threads"]))
-    write_json(folder / "git.json", git_state(Path(__file__).parent))
 
 
 Figures = dict[str, Callable[[], Figure]]  # name -> what draws it
