@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -13,10 +14,13 @@ from torch import Tensor
 from hopdiff.character import Character, CharacterSettings
 from hopdiff.choices import build_costs
 from hopdiff.composing import compose
-from hopdiff.config import build_job
+from hopdiff.config import Config, build_job, checked, typed
 from hopdiff.costs import CostSettings
 from hopdiff.effort.settings import EffortSettings
+from hopdiff.graph.settings import WaySettings
+from hopdiff.models.limp import LimpSettings
 from hopdiff.problem import RunProblem
+from hopdiff.tasks.navigate import NavigateTask
 
 
 @cache
@@ -59,6 +63,27 @@ def effort_settings(name: str = "effort") -> EffortSettings:
     costs = build_costs(settings_of("costs", name), "body")
     assert isinstance(costs, EffortSettings)
     return costs
+
+
+def limp_settings(leg: str = "left", amount: float = 0.0, **changed: float) -> LimpSettings:
+    """A limp of the project's own settings, changed."""
+    return replace(_shared().limp, leg=leg, amount=amount, **changed)
+
+
+def way_settings(**changed: Any) -> WaySettings:
+    """How a way is looked for by the project's own settings, changed."""
+    return replace(_walk().way, **changed)
+
+
+@cache
+def _shared() -> Config:
+    return checked(compose())
+
+
+@cache
+def _walk() -> NavigateTask:
+    walk: NavigateTask = typed(compose(["task=navigate"]), NavigateTask)
+    return walk
 
 
 @cache

@@ -8,9 +8,20 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import pytest
+
+from hopdiff.character import CharacterSettings
+from hopdiff.config import Config
+from hopdiff.costs import CostSettings
+from hopdiff.doors import TASKS
+from hopdiff.effort.settings import EffortSettings
+from hopdiff.export.settings import ExportSettings
+from hopdiff.genes import GeneSettings
+from hopdiff.models import MODELS
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -169,8 +180,24 @@ def test_something_new_touches_as_many_files_as_the_table_says(
     assert len(house.touched) == int(row.group(1))
 
 
+def settings_classes() -> list[type]:
+    """Those whose values stand in files of conf/, with what is inside of them."""
+    found: list[type] = [Config, *MODELS.values(), EffortSettings, CostSettings]
+    found += [TASKS.load(name).settings for name in TASKS.own]
+    # A body and a table of genes are data of their user's own, which may leave out what a body need not have.
+    left_out = {CharacterSettings, GeneSettings, ExportSettings}
+    for schema in found:
+        for hint in get_type_hints(schema).values():
+            for inside in (hint, *get_args(hint)):
+                if is_dataclass(inside) and inside not in left_out and inside not in found:
+                    found.append(inside)  # type: ignore[arg-type]
+    return found
+
+
 def test_no_default_stands_twice() -> None:
-    """Settings classes of groups with files in conf/ have no defaults of their own, and files of searches no values."""
+    for schema in settings_classes():
+        twice = [entry.name for entry in fields(schema) if not entry.default is entry.default_factory is MISSING]
+        assert not twice, f"{schema.__name__}: {twice}"
     for path in (ROOT / "conf" / "search").glob("*.yaml"):
         values = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
         assert values == [f"name: {path.stem}"], path

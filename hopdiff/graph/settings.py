@@ -19,18 +19,18 @@ class WaySettings:
     start_frame: the one to start at, in place of those. tries: finished ways that are edited and checked, at most.
     """
 
-    half_width: float = 0.25
-    radius: float = 0.5
-    angle_deg: float = 45.0
-    weight: float = 2.0
-    blend_cost: float = 0.1
-    leg: float = 8.0
-    expansions: int = 100_000
-    seconds: float = 60.0
-    start: str = "any"
-    start_frame: int | None = None
-    end: str = "any"
-    tries: int = 30
+    half_width: float
+    radius: float
+    angle_deg: float
+    weight: float
+    blend_cost: float
+    leg: float
+    expansions: int
+    seconds: float
+    start: str
+    start_frame: int | None
+    end: str
+    tries: int
 
     def check(self) -> None:
         """Raises HopdiffError, naming the setting, for a number out of its range."""

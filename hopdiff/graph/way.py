@@ -61,7 +61,7 @@ def find_way(
     scene: Scene,
     start: Place,
     goal: Place,
-    settings: WaySettings | None = None,
+    settings: WaySettings,
     edit_path: EditPath = default_edit,
 ) -> Way:
     """A walk from one place and heading to another that keeps the body's half width off everything.
@@ -70,7 +70,6 @@ def find_way(
     Raises HopdiffError, saying why, if there is no way: a place inside something, walls all around, or a search that
     found nothing, and then how near it came.
     """
-    settings = settings or WaySettings()
     settings.check()
     begun = time.perf_counter()
     space = FreeSpace(scene, settings.half_width)

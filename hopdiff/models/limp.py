@@ -27,9 +27,9 @@ class LimpSettings:
     over the lame leg, the rest comes from a shorter way over it.
     """
 
-    leg: str = "left"
-    amount: float = 0.0
-    haste: float = 0.3
+    leg: str
+    amount: float
+    haste: float
 
     def check(self) -> None:
         """Raises HopdiffError, naming the setting, for a leg or a number that cannot be."""

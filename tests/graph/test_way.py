@@ -4,6 +4,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import torch
 from hopdiff.editing.root_path import RootPath, root_path
 from hopdiff.editing.targets import Constraint, EditedPath, edit_path
 from hopdiff.graph import way as way_module
+from hopdiff.graph import way as ways
 from hopdiff.graph.blend import assemble
 from hopdiff.graph.graph import MotionGraph, build_graph
 from hopdiff.graph.moves import moves_of, standing
@@ -20,15 +22,22 @@ from hopdiff.graph.scene_file import read_scene
 from hopdiff.graph.sections import cut_way, pieces_of, start_states
 from hopdiff.graph.settings import WaySettings
 from hopdiff.graph.space import FreeSpace
-from hopdiff.graph.way import Way, find_way
+from hopdiff.graph.way import Way
 from hopdiff.graph.way_search import Allowance, Found, Goal, State, WaySearch
 from hopdiff.types import HopdiffError
+from tests.builders import way_settings
 from tests.graph.rooms import hall, split_hall, two_rooms
 from tests.graph.walkers import angles_between, walker, wanderer
 from tests.people import clip_of
 
 SCENES = Path(__file__).resolve().parents[2] / "conf" / "scenes"
 HALF = 0.25
+
+
+def find_way(
+    graph: MotionGraph, scene: Scene, start: Place, goal: Place, settings: WaySettings | None = None, **edit: Any
+) -> Way:
+    return ways.find_way(graph, scene, start, goal, settings or way_settings(), **edit)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +71,7 @@ def check_way(way: Way, scene: Scene, start: Place, goal: Place, half_width: flo
 
 def test_a_straight_way_is_walked_straight(graph: MotionGraph) -> None:
     start, goal = Place((3.0, 1.0), 0.0), Place((3.0, 11.0), 0.0)
-    way = find_way(graph, hall(), start, goal, WaySettings(leg=20.0))
+    way = find_way(graph, hall(), start, goal, way_settings(leg=20.0))
     check_way(way, hall(), start, goal)
     assert way.numbers["length"] < 1.03 * 10.0
     assert way.numbers["duration"] < 1.1 * 10.0 / 1.2
@@ -89,7 +98,7 @@ def test_a_way_leads_through_a_door(graph: MotionGraph) -> None:
 
 def test_a_long_way_is_cut_into_legs_that_go_on_from_each_other(graph: MotionGraph) -> None:
     start, goal = Place((1.0, 1.5), 0.0), Place((1.0, 10.5), math.radians(-90.0))
-    way = find_way(graph, split_hall(), start, goal, WaySettings(leg=4.0))
+    way = find_way(graph, split_hall(), start, goal, way_settings(leg=4.0))
     check_way(way, split_hall(), start, goal)
     assert way.numbers["legs"] >= 3
     assert len(way.waypoints) == way.numbers["legs"] - 1
@@ -119,7 +128,7 @@ def test_the_search_alone_finds_the_quickest_of_all_walks() -> None:
     graph = build_graph([walker([(8.0, 0.0)], speed=1.2, period=0.9713)])
     space = FreeSpace(hall(6.0, 30.0), HALF)
     ways = space.grid.geodesic((3.0, 25.0))
-    settings = WaySettings(weight=1.0, radius=0.1, angle_deg=10.0)
+    settings = way_settings(weight=1.0, radius=0.1, angle_deg=10.0)
     everywhere = np.ones(graph.frames, dtype=bool)
     goal = Goal(25.0 + 3.0j, 0.0, True)
     search = WaySearch(moves_of(graph), space.grid, ways, goal, everywhere, settings, Allowance(math.inf))
@@ -132,10 +141,10 @@ def test_the_search_alone_finds_the_quickest_of_all_walks() -> None:
 def test_the_first_frame_and_standing_can_be_asked_for(person: MotionGraph) -> None:
     scene = read_scene(SCENES / "two_rooms.yaml")
     start, goal = scene.place("start"), scene.place("goal")
-    way = find_way(person, scene, start, goal, WaySettings(start_frame=300))
+    way = find_way(person, scene, start, goal, way_settings(start_frame=300))
     check_way(way, scene, start, goal)
     assert way.numbers["start_frame"] == 300
-    way = find_way(person, scene, start, goal, WaySettings(start="standing", end="standing"))
+    way = find_way(person, scene, start, goal, way_settings(start="standing", end="standing"))
     check_way(way, scene, start, goal)
     able = standing(person)
     assert able[int(way.numbers["start_frame"])]
@@ -203,7 +212,7 @@ def test_where_no_edit_keeps_off_the_walls_it_is_told(graph: MotionGraph) -> Non
     _, edit = bulging(3.0, 10**9)
     start, goal = Place((2.0, 1.0), 0.0), Place((2.0, 8.0), 0.0)
     with pytest.raises(HopdiffError, match=r"\d+ walks come near it, but none can be bent"):
-        find_way(graph, two_rooms(), start, goal, WaySettings(tries=2), edit_path=edit)  # type: ignore[arg-type]
+        find_way(graph, two_rooms(), start, goal, way_settings(tries=2), edit_path=edit)  # type: ignore[arg-type]
 
 
 def test_a_short_walk_is_not_bent_into_a_dash(graph: MotionGraph) -> None:
@@ -259,7 +268,7 @@ def test_clips_that_cannot_turn_are_told_with_how_near_they_came() -> None:
 )
 def test_a_search_that_is_cut_short_says_so(graph: MotionGraph, limits: dict, said: str) -> None:
     with pytest.raises(HopdiffError, match=said):
-        find_way(graph, split_hall(), Place((1.0, 1.0), 0.0), Place((1.0, 10.5), 0.0), WaySettings(**limits))
+        find_way(graph, split_hall(), Place((1.0, 1.0), 0.0), Place((1.0, 10.5), 0.0), way_settings(**limits))
 
 
 @pytest.mark.parametrize(
@@ -284,7 +293,7 @@ def test_a_search_that_is_cut_short_says_so(graph: MotionGraph, limits: dict, sa
 )
 def test_settings_of_a_way_are_checked(graph: MotionGraph, settings: dict, said: str) -> None:
     with pytest.raises(HopdiffError, match=said):
-        find_way(graph, hall(), Place((3.0, 1.0), 0.0), Place((3.0, 5.0), 0.0), WaySettings(**settings))
+        find_way(graph, hall(), Place((3.0, 1.0), 0.0), Place((3.0, 5.0), 0.0), way_settings(**settings))
 
 
 @pytest.mark.parametrize("what", ["start", "goal"])
@@ -346,7 +355,7 @@ def searched(graph: MotionGraph, goal: Goal, **settings: float) -> WaySearch:
     space = FreeSpace(hall(6.0, 20.0), HALF)
     ways = space.grid.geodesic((goal.place.imag, goal.place.real))
     everywhere = np.ones(graph.frames, dtype=bool)
-    return WaySearch(moves_of(graph), space.grid, ways, goal, everywhere, WaySettings(**settings), Allowance(math.inf))
+    return WaySearch(moves_of(graph), space.grid, ways, goal, everywhere, way_settings(**settings), Allowance(math.inf))
 
 
 def test_a_gap_is_a_share_of_what_may_be_left(graph: MotionGraph) -> None:
@@ -424,16 +433,16 @@ def test_a_way_is_cut_into_more_and_more_legs_and_at_last_into_none(
     _, edit = bulging(9.0, 10**9)
     start, goal = Place((3.0, 2.0), 0.0), Place((3.0, 5.0), 0.0)
     with pytest.raises(HopdiffError, match="none can be bent"):
-        find_way(graph, hall(), start, goal, WaySettings(tries=1, leg=leg, expansions=400), edit_path=edit)  # type: ignore[arg-type]
+        find_way(graph, hall(), start, goal, way_settings(tries=1, leg=leg, expansions=400), edit_path=edit)  # type: ignore[arg-type]
     assert asked == cuts
 
 
 def test_starts_are_the_first_able_frame_of_every_stretch(graph: MotionGraph) -> None:
     place = Place((3.0, 4.0), 0.6)
-    states = start_states(graph, place, WaySettings())
+    states = start_states(graph, place, way_settings())
     assert [state.frame for state in states] == list(range(0, graph.frames, 5))
     assert {(state.place, state.yaw) for state in states} == {(4.0 + 3.0j, 0.6)}
-    assert start_states(graph, place, WaySettings(start_frame=7)) == [State(7, 4.0 + 3.0j, 0.6)]
+    assert start_states(graph, place, way_settings(start_frame=7)) == [State(7, 4.0 + 3.0j, 0.6)]
     still = build_graph([walker([(2.0, 0.0)], speed=0.0), walker([(3.0, 0.0)])])
-    able = [state.frame for state in start_states(still, place, WaySettings(start="standing"))]
+    able = [state.frame for state in start_states(still, place, way_settings(start="standing"))]
     assert able == list(range(0, 60, 5))

@@ -11,7 +11,7 @@ from hopdiff.models.gait import Gait
 from hopdiff.models.limp import LimpSettings
 from hopdiff.problem import RunProblem
 from hopdiff.types import HopdiffError
-from tests.builders import make_problem, valid_genes
+from tests.builders import limp_settings, make_problem, valid_genes
 
 AMOUNTS = (0.2, 0.4)
 
@@ -139,11 +139,11 @@ def test_gradients_of_a_limp_are_those_of_finite_differences() -> None:
 @pytest.mark.parametrize(
     ("settings", "name"),
     [
-        (LimpSettings(leg="both"), "limp.leg"),
-        (LimpSettings(amount=-0.1), "limp.amount"),
-        (LimpSettings(amount=0.9), "limp.amount"),
-        (LimpSettings(amount=float("nan")), "limp.amount"),
-        (LimpSettings(haste=1.5), "limp.haste"),
+        (limp_settings(leg="both"), "limp.leg"),
+        (limp_settings(amount=-0.1), "limp.amount"),
+        (limp_settings(amount=0.9), "limp.amount"),
+        (limp_settings(amount=float("nan")), "limp.amount"),
+        (limp_settings(haste=1.5), "limp.haste"),
     ],
 )
 def test_a_limp_that_cannot_be_is_named(settings: LimpSettings, name: str) -> None:

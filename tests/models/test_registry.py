@@ -11,14 +11,14 @@ from hopdiff.models.smooth import SmoothModel
 from hopdiff.models.thesis import ThesisModel
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.model import BodyModel
-from tests.builders import make_character, settings_of
+from tests.builders import limp_settings, make_character, settings_of
 
 KINDS = {"body": BodyModel, "smooth": SmoothModel, "thesis": ThesisModel}
 
 
 def model(name: str, limp: LimpSettings | None = None, **changed: float) -> AnyModel:
     plain = settings_of("model", name if name in MODELS else "smooth") | changed | {"name": name}
-    return build_model(plain, make_character(), limp or LimpSettings())
+    return build_model(plain, make_character(), limp or limp_settings())
 
 
 def test_every_name_builds_its_model_with_its_settings() -> None:
@@ -58,21 +58,21 @@ def test_settings_reach_to_their_bounds_and_no_further(setting: str, low: float,
 
 @pytest.mark.parametrize("name", ["smooth", "thesis"])
 def test_a_limp_of_nothing_is_none(name: str) -> None:
-    lame = model(name, limp=LimpSettings("right", 0.3))
+    lame = model(name, limp=limp_settings("right", 0.3))
     assert isinstance(lame, SmoothModel | ThesisModel)
-    assert lame.limp == LimpSettings("right", 0.3)
+    assert lame.limp == limp_settings("right", 0.3)
     assert lame.sound.limp is None
-    sound = model(name, limp=LimpSettings("right", 0.0))
+    sound = model(name, limp=limp_settings("right", 0.0))
     assert isinstance(sound, SmoothModel | ThesisModel)
     assert sound.limp is None
     with pytest.raises(HopdiffError, match=r"limp\.amount"):
-        model(name, limp=LimpSettings("right", 0.9))
+        model(name, limp=limp_settings("right", 0.9))
 
 
 @pytest.mark.parametrize(("setting", "low", "high"), [("amount", 0.0, 0.8), ("haste", 0.0, 1.0)])
 def test_a_limp_reaches_to_its_bounds(setting: str, low: float, high: float) -> None:
     for value in (low, high):
-        LimpSettings(**{setting: value}).check()
+        limp_settings(**{setting: value}).check()
     for value in (low - 1e-6, high + 1e-6):
         with pytest.raises(HopdiffError, match=rf"^limp\.{setting} must lie between"):
-            LimpSettings(**{setting: value}).check()
+            limp_settings(**{setting: value}).check()
