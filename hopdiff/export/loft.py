@@ -49,7 +49,8 @@ class Surface:
 def through(points: Floats) -> Callable[[float | Floats], Floats]:
     """A curve without corners or overshoot through rows of a place and values: place -> values (..., K)."""
     places, first = np.unique(points[:, 0], return_index=True)
-    return PchipInterpolator(places, points[first, 1:])
+    curve: Callable[[float | Floats], Floats] = PchipInterpolator(places, points[first, 1:])
+    return curve
 
 
 def joined(surfaces: Sequence[Surface]) -> Surface:
@@ -137,7 +138,8 @@ def _normals(vertices: Floats, faces: NDArray[np.int64]) -> Floats:
     normals = np.zeros_like(vertices)
     for k in range(3):
         np.add.at(normals, faces[:, k], of_faces)
-    return normals / np.linalg.norm(normals, axis=-1, keepdims=True).clip(1e-30)
+    unit: Floats = normals / np.linalg.norm(normals, axis=-1, keepdims=True).clip(1e-30)
+    return unit
 
 
 def _bound(bound: Sequence[Mapping[int, float]]) -> tuple[NDArray[np.int64], Floats]:

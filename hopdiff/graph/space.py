@@ -75,7 +75,8 @@ class FreeSpace:
         """(N,) distance of points (N, 2) to the edge of the free floor, negative beyond it [m]."""
         found = shapely.points(np.asarray(points, dtype=np.float64))
         distance = shapely.distance(self.edge, found)
-        return np.where(shapely.covers(self.floor, found), distance, -distance)
+        depths: Floats = np.where(shapely.covers(self.floor, found), distance, -distance)
+        return depths
 
     def nearest(self, point: tuple[float, float]) -> tuple[float, float]:
         """The point next to a point at which a body just touches nothing."""
@@ -134,7 +135,7 @@ class Grid:
         self.free = self._free(space, nodes).reshape(self.shape)
 
     def _free(self, space: FreeSpace, nodes: Floats) -> NDArray[np.bool_]:
-        inside = shapely.contains_xy(space.floor, nodes)
+        inside: NDArray[np.bool_] = shapely.contains_xy(space.floor, nodes)
         near = shapely.dwithin(space.edge, shapely.points(nodes[inside]), space.half_width - ROUNDING)
         inside[inside] = ~near
         return inside

@@ -107,4 +107,5 @@ def _read_svg(path: Path) -> Array:
     found = np.asarray(drawn[0].npoint(np.linspace(0.0, 1.0, count + 1)), dtype=np.float64)
     if not np.isfinite(found).all():
         raise HopdiffError(f"{where}: the path holds a number that is not finite.")
-    return -(found - found[0])
+    moved: Array = -(found - found[0])
+    return moved
