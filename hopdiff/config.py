@@ -167,7 +167,8 @@ def with_saved(config: DictConfig, saved: Mapping[str, Any], typed_names: Sequen
     for name in typed_names:
         if name.split(".")[0] in SAVED and "." in name:
             OmegaConf.update(result, name, OmegaConf.select(config, name), force_add=True)
-    return result
+    found: DictConfig = result
+    return found
 
 
 def _model_of(saved: Any, own: Mapping[str, Any]) -> Any:

@@ -12,6 +12,7 @@ from hopdiff.models.gait import stride_motion
 from hopdiff.models.trajectory import Trajectory
 from hopdiff.motion import Motion
 from hopdiff.problem import RunProblem
+from hopdiff.types import Status
 
 MEASURING_FPS = 240.0  # dense enough that maxima between frames do not matter
 
@@ -114,4 +115,4 @@ def loop_error(motion: Motion) -> float:
 
 def _joint_excess(problem: RunProblem, trajectory: Trajectory) -> float:
     excess = costs.excesses(trajectory, problem.character, problem.settings.limits)
-    return math.degrees(max(float(excess[costs.Status.JOINT_LIMIT]) * costs.JOINT_LIMIT_SCALE, 0.0))
+    return math.degrees(max(float(excess[Status.JOINT_LIMIT]) * costs.JOINT_LIMIT_SCALE, 0.0))

@@ -58,7 +58,8 @@ def _chebyshev(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _chebyshev_values(coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
-    return np.polynomial.chebyshev.chebval(x, coefficients)
+    found: np.ndarray = np.polynomial.chebyshev.chebval(x, coefficients)
+    return found
 
 
 @lru_cache

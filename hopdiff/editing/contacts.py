@@ -130,4 +130,7 @@ def _speed(places: Tensor, frame_time: float) -> Tensor:
     half = max(1, round(0.5 * GLANCE / frame_time))
     frames = torch.arange(len(places))
     before, after = (frames - half).clamp_min(0), (frames + half).clamp_max(len(places) - 1)
-    return (places[after] - places[before]).norm(dim=-1) / ((after - before).clamp_min(1) * frame_time)[:, None]
+    found: Tensor = (places[after] - places[before]).norm(dim=-1) / ((after - before).clamp_min(1) * frame_time)[
+        :, None
+    ]
+    return found

@@ -191,7 +191,8 @@ def _lowered(source: Clip, edited: Clip, legs: Sequence[Leg], targets: Sequence[
 def _length(clip: Clip, leg: Leg) -> Tensor:
     positions = clip.forward()[0].double()
     thigh = (positions[:, leg.knee] - positions[:, leg.hip]).norm(dim=-1)
-    return thigh + (_ankle(clip, leg) - positions[:, leg.knee]).norm(dim=-1)
+    found: Tensor = thigh + (_ankle(clip, leg) - positions[:, leg.knee]).norm(dim=-1)
+    return found
 
 
 def reached(clip: Clip, source: Clip, rotations: Tensor, leg: Leg, target: Tensor, turn: Tensor) -> Tensor:

@@ -52,7 +52,7 @@ class Banded:
     def solve(self, right: Tensor) -> Tensor:
         """The solutions for right-hand sides (N, M)."""
         if self.bands.requires_grad or right.requires_grad:
-            solved: Tensor = _Solve.apply(self.bands, self.factor, right)
+            solved: Tensor = _Solve.apply(self.bands, self.factor, right)  # type: ignore[no-untyped-call]
             return solved
         return _solve(self.factor, right)
 

@@ -112,7 +112,8 @@ class PathSolver:
         """(T - 1,) mean speed over speed of every step."""
         pace = self.steps[:, :2].norm(dim=-1)
         mean = pace.mean().clamp_min(1e-9)
-        return mean / pace.clamp_min(STANDING * float(mean))
+        found: Tensor = mean / pace.clamp_min(STANDING * float(mean))
+        return found
 
     def solve(self, targets: Targets, guess: Tensor | None = None) -> Solution:
         """The edited paths of B sets of targets. guess: steps (B, T - 1, 3) near the solution; one round at least is

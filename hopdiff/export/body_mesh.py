@@ -61,14 +61,16 @@ class _Body:
         return {side: joined(surfaces) for side, surfaces in self.found.items() if surfaces}
 
     def at(self, part: str) -> Floats:
-        return self.places[self.parts[part]]
+        found: Floats = self.places[self.parts[part]]
+        return found
 
     def end(self, joint: int) -> Floats | None:
         """Where a bone ends that has no joint at its end."""
         site = self.skeleton.end_sites.get(self.skeleton.names[joint])
         if site is None or float(site.norm()) < 1e-6 or self.skeleton.children(joint):
             return None
-        return self.places[joint] + site.detach().double().cpu().numpy()
+        found: Floats | None = self.places[joint] + site.detach().double().cpu().numpy()
+        return found
 
     def _limb(self, side: str, names: tuple[str, str, str], segments: tuple[str, str], beyond: float) -> None:
         upper, middle, lower = (f"{side}_{name}" for name in names)

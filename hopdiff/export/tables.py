@@ -196,7 +196,8 @@ def ground_force(take: Take) -> Tensor | None:
     if take.leg_force is None or take.feet is None or len(hips) < len(SIDES):
         return None
     leg = take.clip.joint_positions()[:, hips] - take.feet
-    return take.leg_force * (leg[..., 1] / leg.norm(dim=-1).clamp_min(1e-9)).clamp(0.0, 1.0)
+    found: Tensor | None = take.leg_force * (leg[..., 1] / leg.norm(dim=-1).clamp_min(1e-9)).clamp(0.0, 1.0)
+    return found
 
 
 def _short(value: float) -> float | int:

@@ -162,7 +162,8 @@ def _by_arc_length(spline: Callable[[Array, int], Array], knots: Array, closed: 
     inverse = CubicSpline(arcs, parameter)
 
     def parameter_at(arc: Array) -> Array:
-        return np.clip(inverse(arc), 0.0, knots[-1])
+        found: Array = np.clip(inverse(arc), 0.0, knots[-1])
+        return found
 
     def heading_at(arc: Array) -> Array:
         # Exact from the tangent, on the branch that the samples tell.

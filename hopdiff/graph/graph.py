@@ -146,7 +146,8 @@ def _largest_part(first: Ints, leave: Ints, arrive: Ints) -> NDArray[np.bool_]:
     sizes = np.bincount(label, minlength=number)
     if sizes.max() < 2:
         return np.zeros(count, dtype=bool)
-    return label == int(sizes.argmax())
+    found: NDArray[np.bool_] = label == int(sizes.argmax())
+    return found
 
 
 def _check(clips: Sequence[Clip]) -> None:

@@ -119,4 +119,5 @@ def standing(graph: MotionGraph) -> NDArray[np.bool_]:
     clip = graph.clip_of(frame)
     before, after = np.maximum(frame - reach, graph.first[clip]), np.minimum(frame + reach, graph.first[clip + 1] - 1)
     speed = np.abs(graph.ground[after] - graph.ground[before]) / (np.maximum(after - before, 1) * graph.frame_time)
-    return speed < STANDING
+    found: NDArray[np.bool_] = speed < STANDING
+    return found

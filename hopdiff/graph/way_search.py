@@ -248,7 +248,8 @@ class WaySearch:
         z = np.round((place.real - self.grid.low[1]) / PLACE_CELL).astype(np.int64)
         turn = np.round(yaw / YAW_CELL).astype(np.int64) % self._turns
         wide, long = (int(count * self.grid.cell / PLACE_CELL) + 2 for count in self.grid.shape)
-        return ((self._stretch[frame] * wide + x) * long + z) * self._turns + turn
+        found: Ints = ((self._stretch[frame] * wide + x) * long + z) * self._turns + turn
+        return found
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,8 @@ def read_glb(path: str | os.PathLike[str]) -> GlbFile:
 def _rotation(matrix: Matrix) -> Matrix:
     """(3, 3) the turn in a matrix (4, 4)."""
     left, _, right = np.linalg.svd(matrix[:3, :3])
-    return left @ right
+    found: Matrix = left @ right
+    return found
 
 
 class _Writer:

@@ -178,7 +178,8 @@ def foot_height(character: Character, channels: dict[str, Tensor], height: Tenso
     knee = channels[f"{side}_knee"]
     angle = channels[f"{side}_thigh"] - knee_offset(knee, character.thigh, character.shank)
     down = leg_reach(knee, character.thigh, character.shank) * torch.cos(angle) * torch.cos(channels[f"{side}_tilt"])
-    return height + hip_joint(character, channels, side)[1] - down
+    found: Tensor = height + hip_joint(character, channels, side)[1] - down
+    return found
 
 
 def mirror(channels: dict[str, Tensor], where: Tensor) -> dict[str, Tensor]:

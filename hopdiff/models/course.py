@@ -159,7 +159,8 @@ class _Course:
         before, after = (x.norm(dim=-1, keepdim=True) for x in (foot, foot + change))
         longest, width = FREE_REACH * self.body.leg_length, EASE * self.body.leg_length
         excess = [smooth_max(reach - longest, 0.0, width) for reach in (before, after)]
-        return (foot + change) * (1.0 - weight * (excess[1] - excess[0]) / after)
+        found: Tensor = (foot + change) * (1.0 - weight * (excess[1] - excess[0]) / after)
+        return found
 
     def _above_ground(self, side: str, foot: Tensor, frame: _Frame) -> Tensor:
         """A foot in the air (T, 3), lifted to the ground where a hasty start of its swing would take it below."""

@@ -195,4 +195,5 @@ class SmoothModel:
         """Foot heights (B, 2 K) between the nodes of stance and flight too, K = FOOT_SAMPLES a phase."""
         heights = foot_height(self.character, nodes.base, nodes.height, side).unflatten(1, (2, -1))
         dense = even_interpolation(self.nodes, FOOT_SAMPLES, heights.dtype, heights.device)
-        return (heights @ dense.T).flatten(1)
+        found: Tensor = (heights @ dense.T).flatten(1)
+        return found

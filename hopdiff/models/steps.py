@@ -81,4 +81,5 @@ class Steps:
     def mid_stance_phase(self) -> Tensor:
         """Phase of the stride at mid-stance (B, 1), the mean of both legs [rad]."""
         middle = self.phase(0.5 * self.cycle.contact_time.unsqueeze(-1))
-        return 0.5 * (middle + self.other(middle))
+        found: Tensor = 0.5 * (middle + self.other(middle))
+        return found

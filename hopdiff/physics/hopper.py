@@ -209,7 +209,8 @@ def solve_cycle(
 
 def _solve(matrix: Tensor, right: Tensor) -> Tensor:
     """Batched linear solve that gives numbers that are not finite for a singular member, and raises nothing."""
-    return torch.linalg.solve_ex(matrix, right.unsqueeze(-1))[0].squeeze(-1)
+    found: Tensor = torch.linalg.solve_ex(matrix, right.unsqueeze(-1))[0].squeeze(-1)
+    return found
 
 
 def _first_guess(

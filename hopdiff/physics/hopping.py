@@ -125,7 +125,8 @@ def first_hop(hopper: Hopper, touchdown_rate: float) -> FirstHop:
         return math.hypot(hopper.speed * time - hopper.reach, state[0]) - length
 
     def fallen(time: float, state: np.ndarray) -> float:
-        return state[0] - FALLEN * length
+        found: float = state[0] - FALLEN * length
+        return found
 
     stretched.terminal = fallen.terminal = True  # type: ignore[attr-defined]
     stretched.direction = 1.0  # type: ignore[attr-defined]

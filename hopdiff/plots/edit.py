@@ -231,7 +231,8 @@ def _direction(place: Array, frame_time: float) -> Array:
     going = pace > _MOVING * pace.max()
     if not going.any():
         return np.zeros(len(place))
-    return np.interp(frames, frames[going], np.unwrap(np.arctan2(moved[going, 0], moved[going, 1])))
+    found: Array = np.interp(frames, frames[going], np.unwrap(np.arctan2(moved[going, 0], moved[going, 1])))
+    return found
 
 
 def _draw_constraints(axes: Axes, marks: list[Mark], scale: float) -> None:

@@ -67,7 +67,8 @@ def _rest(character: Character, body: Body) -> Array:
     skeleton = character.skeleton
     identity = torch.eye(3, dtype=skeleton.offsets.dtype, device=skeleton.offsets.device)
     rotations = identity.expand(1, len(skeleton.names), 3, 3)
-    return body.points(Clip(skeleton, skeleton.offsets[:1], rotations, 1.0))[0]
+    found: Array = body.points(Clip(skeleton, skeleton.offsets[:1], rotations, 1.0))[0]
+    return found
 
 
 def _names(axes: Axes, joints: list[str], flat: Array, camera: Camera, column: float, apart: float) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopdiff.motion import Motion, Phase
-from hopdiff.plots.body import Array
+from hopdiff.plots.view import Array
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,8 @@ def sample(times: Array, track: Array, at: Sequence[float] | Array) -> Array:
     place = np.interp(np.asarray(at, dtype=float), times, np.arange(len(times)))
     lower = np.minimum(place.astype(int), max(len(times) - 2, 0))
     share = (place - lower).reshape(-1, *(1,) * (track.ndim - 1))
-    return track[lower] * (1 - share) + track[np.minimum(lower + 1, len(times) - 1)] * share
+    found: Array = track[lower] * (1 - share) + track[np.minimum(lower + 1, len(times) - 1)] * share
+    return found
 
 
 def contact_points(motion: Motion) -> list[tuple[Phase, Array]]:

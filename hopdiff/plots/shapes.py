@@ -50,7 +50,8 @@ def circle(centre: Array, radius: float, corners: int = 20) -> Array:
 
 def hull(points: Array) -> Array:
     """The corners (K, 2) of the smallest convex outline around points (N, 2)."""
-    return points[ConvexHull(points).vertices]
+    found: Array = points[ConvexHull(points).vertices]
+    return found
 
 
 def foot(points: Array, left: Array, radii: tuple[float, float], flat: Callable[[Array], Array]) -> Array:

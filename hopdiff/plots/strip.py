@@ -11,8 +11,9 @@ from matplotlib.ticker import MultipleLocator
 
 from hopdiff.motion import SIDES, Motion
 from hopdiff.plots import style
-from hopdiff.plots.body import Array, Body
+from hopdiff.plots.body import Body
 from hopdiff.plots.poses import Moment, contact_points, key_moments, sample
+from hopdiff.plots.view import Array
 
 _WIDTH = 15.0  # inches
 _PATH = style.SERIES[2]  # of the centre of mass

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import torch
 from torch import Tensor
@@ -29,7 +29,7 @@ class Descent(Protocol):
         ...
 
 
-Rows = TypeVar("Rows", bound=tuple)
+Rows = TypeVar("Rows", bound=tuple[Any, ...])
 
 
 def taken(rows: Rows, index: Tensor) -> Rows:

@@ -95,7 +95,8 @@ class GA:
         child = torch.where(fate < self.crossover * self.blend, mixed, swapped)
         child = torch.where(fate < self.crossover, child, mother)
         sigma = max(self.sigma * self.sigma_decay ** (parents.generation - 1), self.sigma_floor)
-        return (child + (hit < self.mutation) * sigma * box.normal(count, generator)).clamp(0.0, 1.0)
+        found: Tensor = (child + (hit < self.mutation) * sigma * box.normal(count, generator)).clamp(0.0, 1.0)
+        return found
 
     def _select(self, parents: Population, count: int, generator: torch.Generator) -> Tensor:
         """(count, G) parents; the chance of one falls linearly with its rank."""

@@ -22,7 +22,8 @@ class Ordinary:
         start = getattr(problem, "start", None)
         if start is None:
             raise HopdiffError("search=ordinary has nothing to try: this problem names no start.")
-        return start.unsqueeze(0)
+        found: Tensor = start.unsqueeze(0)
+        return found
 
     def ask(self, state: Tensor, generator: torch.Generator) -> tuple[Tensor, bool]:
         return state, False

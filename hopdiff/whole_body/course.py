@@ -185,7 +185,8 @@ class Course:
     def _length(self, side: str, straight: _Straight) -> Tensor:
         """(T, 1) from hip to ankle in the straight run [m]."""
         hip, ankle = (straight.places[:, self.names.index(f"{side}_{part}")] for part in ("hip", "ankle"))
-        return (ankle - hip).norm(dim=-1, keepdim=True)
+        found: Tensor = (ankle - hip).norm(dim=-1, keepdim=True)
+        return found
 
     def _drawn_in(self, line: Tensor, before: Tensor, flying: Tensor) -> Tensor:
         """Lines (T, 3) from hip to ankle of a flying leg, softly no longer than (T, 1) the straight run has them."""
@@ -193,7 +194,8 @@ class Course:
         longest, width = before.clamp(FREE * self.layout.leg, LONGEST * self.layout.leg), EASE * self.layout.leg
         # What the straight run itself is over the limit stays as it is.
         excess = smooth_max(length - longest, 0.0, width) - smooth_max(before - longest, 0.0, width)
-        return line * (1.0 - flying * excess / length)
+        found: Tensor = line * (1.0 - flying * excess / length)
+        return found
 
     def _moves(self, side: str, times: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """By how much the ankle is moved and turned from where it is carried, (T, 3) [m, rad] in the carrier's axes;

@@ -35,7 +35,8 @@ class _Recent:
             normal.isfinite().all(-1).all(-1)[:, None, None], normal, torch.eye(normal.shape[-1]).to(state)
         )
         shares = torch.linalg.solve(normal, bends.transpose(1, 2) @ step.unsqueeze(-1))
-        return state + step - ((moves + bends) @ shares).squeeze(-1)
+        found: Tensor = state + step - ((moves + bends) @ shares).squeeze(-1)
+        return found
 
 
 def fixed_point(

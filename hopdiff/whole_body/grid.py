@@ -23,7 +23,8 @@ from hopdiff.numerics import (
 
 @lru_cache(maxsize=64)
 def _derivative(nodes: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> Tensor:
-    return torch.block_diag(*(differentiation_matrix(n, dtype, device) for n in nodes)).T.contiguous()
+    found: Tensor = torch.block_diag(*(differentiation_matrix(n, dtype, device) for n in nodes)).T.contiguous()
+    return found
 
 
 @lru_cache(maxsize=64)

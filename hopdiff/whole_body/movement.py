@@ -227,7 +227,8 @@ class Movement:
                 around = torch.linalg.cross(frames, turned, dim=3)
                 spin = torch.einsum("s,sk,pskim->pim", share, self.spread[upper], around)
                 columns.append(linear + spin)
-            return torch.linalg.inv(torch.stack(columns, dim=-1).permute(0, 2, 1, 3))
+            found: Tensor = torch.linalg.inv(torch.stack(columns, dim=-1).permute(0, 2, 1, 3))
+            return found
 
     def solve(self, rounds: int, adjoint_rounds: int = 0) -> tuple[Tensor, Tensor]:
         """The state (P, K) after `rounds` rounds, and how far its last round moved it (P,).

@@ -93,7 +93,8 @@ class Carried:
     def moment(self) -> Tensor:
         """(P, 3, M) of the ground force about the centre of mass [m^2/s^2]."""
         arms = self.cop - self.com.unsqueeze(1)
-        return torch.linalg.cross(arms, self.force, dim=2).sum(1)
+        found: Tensor = torch.linalg.cross(arms, self.force, dim=2).sum(1)
+        return found
 
 
 class Support:
