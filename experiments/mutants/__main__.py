@@ -168,10 +168,11 @@ def measured(copy: Copy, places: Iterable[str]) -> dict[str, Test]:
             if kept.get(name, {}).get("key") != key:
                 print(f"unchanged: {name}", flush=True)
                 found = copy.measured(name)
-                kept[name] = {"key": key, "tests": {n: (t.seconds, sorted(t.functions)) for n, t in found.items()}}
+                rows = {n: (t.seconds, t.shared, sorted(t.functions)) for n, t in found.items()}
+                kept[name] = {"key": key, "tests": rows}
                 CACHE.parent.mkdir(parents=True, exist_ok=True)
                 CACHE.write_text(json.dumps(kept))
-            tests |= {n: Test(took, frozenset(calls)) for n, (took, calls) in kept[name]["tests"].items()}
+            tests |= {n: Test(*seconds, frozenset(calls)) for n, (*seconds, calls) in kept[name]["tests"].items()}
     return tests
 
 
@@ -184,7 +185,7 @@ def order(tests: dict[str, Test], mutant: Mutant, longest: float) -> dict[str, T
         return any(call.startswith(f"{mutant.file}:") for call in test.functions)
 
     found = {name: test for name, test in tests.items() if test.seconds <= longest and concerned(test)}
-    return dict(sorted(found.items(), key=lambda pair: pair[1].seconds))
+    return dict(sorted(found.items(), key=lambda pair: pair[1].seconds + pair[1].shared))
 
 
 def shown(text: str, mutant: Mutant) -> tuple[str, str]:

@@ -28,16 +28,18 @@ LIBRARIES = (
     *("shapely", "svgelements", "trimesh", "tensorboard", "tensorboard.summary", "jaxtyping", "beartype"),
 )
 COPIED = ("hopdiff", "conf", "tests", "experiments", "pyproject.toml", "README.md")
-PATIENCE = 20.0  # s that any test may take, on top of ten times as long as it took unchanged
+PATIENCE = 10.0  # s of computing that any test may take, on top of five times as long as it took unchanged
 MEMORY = 16 * 2**30  # bytes of address space
 KILLED, SURVIVED, TIMEOUT = "killed", "survived", "timeout"
 LATE = 9  # exit status of a process whose test took too long
 
 
 class Test(NamedTuple):
-    """seconds: of computing, unchanged. functions: those of hopdiff that it calls, as file:line of their beginning."""
+    """seconds: of computing, unchanged. shared: more of them that the tests of its file need together, once.
+    functions: those of hopdiff that it calls, as file:line of their beginning."""
 
     seconds: float
+    shared: float
     functions: frozenset[str]
 
 
@@ -87,15 +89,16 @@ class Copy:
         if outcome.result != SURVIVED:
             log = (self.folder / "log.txt").read_text(encoding="utf-8", errors="replace")
             raise RuntimeError(f"{file} must pass before anything is changed, but: {outcome.by}\n{log[-3000:]}")
-        return {name: Test(took, frozenset(calls)) for name, (took, calls) in self._told()["tests"].items()}
+        told = self._told()
+        return {name: Test(took, told["shared"], frozenset(calls)) for name, (took, calls) in told["tests"].items()}
 
     def tried(self, tests: dict[str, Test]) -> Outcome:
         """Runs tests, in this order, up to the first that fails."""
         if not tests:
             return Outcome(SURVIVED, "no test calls it", 0.0)
-        watch = _Watch({name: PATIENCE + 10.0 * test.seconds for name, test in tests.items()})
+        watch = _Watch({name: PATIENCE + 5.0 * (t.seconds + t.shared) for name, t in tests.items()})
         files = dict.fromkeys(name.split("::")[0] for name in tests)
-        return self._forked(list(files), watch, 60.0 + 10.0 * sum(test.seconds for test in tests.values()))
+        return self._forked(list(files), watch, 600.0 + 60.0 * sum(t.seconds + t.shared for t in tests.values()))
 
     def _told(self) -> dict[str, Any]:
         path = self.folder / "told.json"
@@ -180,6 +183,8 @@ class _Watch:
         self.shared: set[CodeType] = set()  # of what is made once and kept for the tests after it
         self.kept: set[CodeType] = set()  # functions whose results are kept
         self.depth = 1  # while a test file is read, everything is for all
+        self.clock = 0.0  # when the outermost of it began
+        self.seconds = 0.0  # that all of it took
         if limits is None:
             sys.settrace(self._called)
 
@@ -188,7 +193,7 @@ class _Watch:
 
     def tell(self) -> None:
         named = {name: (took, sorted(calls)) for name, (took, calls) in self.tests.items()}
-        self.told.write_text(json.dumps({"failed": self.failed, "tests": named}))
+        self.told.write_text(json.dumps({"failed": self.failed, "shared": self.seconds, "tests": named}))
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         if self.limits is not None:
@@ -204,26 +209,29 @@ class _Watch:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: Any) -> Any:
-        wide = fixturedef.scope != "function"
-        self.depth += wide
+        if fixturedef.scope == "function":
+            return (yield)
+        self._in()
         try:
             return (yield)
         finally:
-            self.depth -= wide
+            self._out()
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Any:
         begun = time.process_time()
         if self.limits is not None:
-            signal.signal(signal.SIGALRM, functools.partial(self._late, item.nodeid))
-            signal.setitimer(signal.ITIMER_REAL, self.limits[item.nodeid])
-        self.calls = set()
+            # Computing, not waiting: others may use the machine too.
+            signal.signal(signal.SIGPROF, functools.partial(self._late, item.nodeid))
+            signal.setitimer(signal.ITIMER_PROF, self.limits[item.nodeid])
+        self.calls, before = set(), self.seconds
         try:
             return (yield)
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
             calls = {_place(code) for code in self.calls | self.shared}
-            self.tests[item.nodeid] = (time.process_time() - begun, calls)
+            own = time.process_time() - begun - (self.seconds - before)
+            self.tests[item.nodeid] = (own, calls)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:
@@ -232,6 +240,16 @@ class _Watch:
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         if report.failed:
             self.failed = self.failed or f"{report.nodeid} (cannot be read)"
+
+    def _in(self) -> None:
+        if not self.depth:
+            self.clock = time.process_time()
+        self.depth += 1
+
+    def _out(self) -> None:
+        self.depth -= 1
+        if not self.depth:
+            self.seconds += time.process_time() - self.clock
 
     def _late(self, name: str, *_: object) -> None:
         self.failed = name
@@ -247,13 +265,13 @@ class _Watch:
             self.calls.add(code)
         if code in self.kept:
             self.shared.add(code)
-            self.depth += 1
+            self._in()
             return self._left
         return None
 
     def _left(self, frame: FrameType, event: str, argument: object) -> Any:
         if event == "return":
-            self.depth -= 1
+            self._out()
         frame.f_trace_lines = False
         return self._left
 

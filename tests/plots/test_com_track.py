@@ -61,8 +61,8 @@ def test_a_metre_is_as_long_both_ways_and_all_is_inside(motion: Motion, strides:
         assert isinstance(patch, Ellipse)
         assert (patch.width, patch.height) == (0.26, 0.1)  # as large as a foot
         assert low < patch.center[0] - 0.13
-        assert bottom < patch.center[1] - 0.05
-        assert patch.center[1] + 0.05 < top
+        assert bottom < patch.center[1] - 0.08
+        assert patch.center[1] + 0.08 < top
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("forward [m]", "to the left [m]")
     texts = [axes._left_title, figure._suptitle]
     assert all(figure.bbox.x0 <= t.get_window_extent().x0 and t.get_window_extent().x1 <= figure.bbox.x1 for t in texts)

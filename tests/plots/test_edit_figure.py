@@ -132,8 +132,8 @@ def test_bars_stand_across_the_way_and_are_as_long_as_delta() -> None:
 
 def test_bars_bury_neither_way() -> None:
     """They are short and pale, lie below both ways and inside the map, and stand where the source's way is not."""
-    even = walk(900)
-    sway = 0.01 * torch.sin(2.0 * torch.arange(900, dtype=torch.float64))
+    even = walk(400)
+    sway = 0.01 * torch.sin(2.0 * torch.arange(400, dtype=torch.float64))
     path = RootPath(even.place, even.yaw + sway)
     for turn, target in ((0.9, 1.5), (-0.9, -1.5)):
         last = path.place[-1]
@@ -157,6 +157,18 @@ def test_bars_bury_neither_way() -> None:
         source = path.place.numpy()
         apart = [np.hypot(*(source[:, None] - bars[None, :, end]).transpose(2, 0, 1)).min(axis=0) for end in (0, 1)]
         assert apart[1].mean() > apart[0].mean()
+
+
+def test_bars_on_the_outside_of_a_large_turn_are_on_the_map() -> None:
+    even = walk(1800, bend=-4.0)
+    path = RootPath(even.place, even.yaw + 0.01 * torch.sin(2.0 * torch.arange(1800, dtype=torch.float64)))
+    figure = edit_figure(path, path, [], FRAME)
+    (right, left), (bottom, top) = sorted(figure.axes[0].get_xlim()), figure.axes[0].get_ylim()
+    tips = np.array(bars_of(figure, "|δ|, as bars"))[:, 1]
+    assert right < tips[:, 0].min()
+    assert tips[:, 0].max() < left
+    assert bottom < tips[:, 1].min()
+    assert tips[:, 1].max() < top
 
 
 def test_the_legend_tells_the_longest_bar_and_fits_the_page() -> None:
