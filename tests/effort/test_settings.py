@@ -45,7 +45,7 @@ from hopdiff.types import HopdiffError
         (["costs.human.trunk_lean_deg=nan"], "costs.human.trunk_lean_deg must be a finite number, not nan."),
         (["costs.human.swing_knee_deg=high"], "costs.human.swing_knee_deg must be a finite number, not 'high'."),
         (["costs.human.trunk_leen=3"], "costs.human.trunk_leen: Key 'trunk_leen' not in 'HumanSettings'"),
-        (["costs.wrong=3"], "Unknown setting of costs human 'wrong'"),
+        (["costs.wrong=3"], "Unknown setting 'costs.wrong'"),
         (["model.rounds=1"], "model.rounds must lie between 4 and 100, not 1."),
         (["model.adjoint_rounds=0"], "model.adjoint_rounds must lie between 1 and 100, not 0."),
         (["costs=default"], "costs=default cannot judge runs of model=body: take costs=human or effort."),
