@@ -1,4 +1,7 @@
-"""Ten minutes at 120 frames/s, kept for comparison: pytest tests/benchmarks/test_bvh_speed.py -m slow."""
+"""Ten minutes at 120 frames/s, kept for comparison: pytest tests/benchmarks/test_bvh_speed.py -m slow.
+
+No time is asserted, only how much memory reading takes.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from hopdiff.io.bvh import BvhFile, BvhJoint, read_bvh
 
 FRAMES, JOINTS = 72_000, 31
-SECONDS, BYTES = 5.0, 1 << 30  # to read it; the most memory that the whole process may hold meanwhile
+BYTES = 1 << 30  # the most memory that the whole process may hold while it reads
 pytestmark = pytest.mark.slow
 
 
@@ -33,7 +36,6 @@ def long_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_reading(benchmark: BenchmarkFixture, long_file: Path) -> None:
     file = benchmark.pedantic(read_bvh, (long_file,), rounds=3)
     assert file.values.shape == (FRAMES, 96)
-    assert benchmark.stats.stats.min < SECONDS
 
 
 def test_memory_of_reading(long_file: Path) -> None:
