@@ -20,7 +20,8 @@ Problem = tuple[float, float]
 IDLE = (
     "seed",  # what replicates
     *("speed", "beta"),  # the problem, which is told apart from the series
-    *("pictures", "fps", "exports", "retarget", "task.label", "overwrite"),  # what is written of a run, and where to
+    *("pictures", "animation", "fps", "exports", "retarget"),  # what is written of a run
+    *("task.label", "overwrite"),  # and where to
     "experiment",  # a name for settings that count by themselves
     # Of other tasks than those that are compared.
     *("run", "runs", "clip", "clips", "target", "constraints", "edit", "scene", "start", "goal", "way", "graph"),

@@ -38,11 +38,15 @@ def test_events_read_back(tmp_path: Path) -> None:
 
 
 def test_nothing_but_events_stays_and_old_ones_go(tmp_path: Path) -> None:
-    (tmp_path / "events.out.tfevents.1.of.others").touch()
-    write_events(tmp_path, [{"a": 1.0}], {"speed": 5.0})
-    (first,) = {path.name for path in tmp_path.iterdir()} - {"events.out.tfevents.1.of.others"}
-    write_events(tmp_path, [{"a": 2.0}], {"speed": 5.0})
-    (second,) = {path.name for path in tmp_path.iterdir()} - {"events.out.tfevents.1.of.others"}
+    others = "events.out.tfevents.1.of.others"
+    (tmp_path / others).touch()
+    seen = []
+    for value in (1.0, 2.0):
+        write_events(tmp_path, [{"a": value}], {"speed": 5.0})
+        names = {path.name for path in tmp_path.iterdir()}
+        assert others in names
+        seen += names - {others}
+    first, second = seen
     assert first != second
     assert second.startswith("events.out.tfevents")
 
@@ -57,8 +61,8 @@ def test_final_numbers_are_some_of_the_metrics() -> None:
     assert final_numbers(metrics) == {"cost": 1.0, "contact_time": 0.2}
 
 
-def hparams(folder: Path) -> tuple[list[str], list[str], dict[str, dict[str, Any]]]:
-    """The HParams table as TensorBoard shows it: names of settings and of results, and the rows."""
+def hparams(folder: Path) -> tuple[dict[str, int], list[str], dict[str, dict[str, Any]]]:
+    """The HParams table as TensorBoard shows it: settings with their types, names of results, and the rows."""
     events = EventMultiplexer()
     events.AddRunsFromDirectory(str(folder))
     events.Reload()
@@ -75,7 +79,7 @@ def hparams(folder: Path) -> tuple[list[str], list[str], dict[str, dict[str, Any
         | {value.name.tag: value.value for value in group.metric_values}
         for group in groups
     }
-    return [info.name for info in table.hparam_infos], [info.name.tag for info in table.metric_infos], rows
+    return {info.name: info.type for info in table.hparam_infos}, [info.name.tag for info in table.metric_infos], rows
 
 
 @pytest.fixture
@@ -98,10 +102,15 @@ def test_a_run_on_its_own_is_a_row_of_what_was_typed(sweep: Path) -> None:
 
 def test_a_comparison_says_which_columns_count_and_adds_no_row(sweep: Path) -> None:
     (sweep / "compare").mkdir()
-    varied = {"search": ["ga", "gradient"], "beta": [0.2, 0.7], "mixed": ["auto", 3], "on": [True, False]}
+    varied = {"search": ["ga", "gradient"], "beta": [0.2, 0.7], "mixed": [True, 3], "on": [True, False]}
     write_events(sweep / "compare", columns=Columns(varied, ["cost"]))
     settings, results, rows = hparams(sweep)
-    assert sorted(settings) == ["beta", "mixed", "on", "search"]
+    assert settings == {
+        "search": api_pb2.DATA_TYPE_STRING,
+        "beta": api_pb2.DATA_TYPE_FLOAT64,
+        "mixed": api_pb2.DATA_TYPE_STRING,
+        "on": api_pb2.DATA_TYPE_BOOL,
+    }
     assert results == ["result/cost"]
     assert {name: (row["search"], row["result/cost"]) for name, row in rows.items()} == {
         "0": ("ga", 1.0),

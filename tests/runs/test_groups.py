@@ -82,6 +82,7 @@ def test_what_can_change_a_result_makes_groups(values: dict[str, Any]) -> None:
     "values",
     [
         {"pictures": False},
+        {"animation": "mp4"},
         {"fps": 30.0},
         {"task.label": "other"},
         {"exports.glb.cycles": 4},
