@@ -206,14 +206,18 @@ def test_films_of_other_kinds_and_pictures_that_leave_the_motion_alone(
     assert ordinary(tmp_path / "drawn", monkeypatch, "animation=gif") == 0
     (name, film) = made.pop()
     assert name == "motion.gif"
-    stride = 2.0 / read(tmp_path / "drawn", "metrics.json")["step_frequency"]
+    metrics = read(tmp_path / "drawn", "metrics.json")
+    stride, frames = 2.0 / metrics["step_frequency"], metrics["frames"]
     assert film.caption == (
         "3 m/s, beta 0.2",
         f"model smooth, ordinary search; a stride of {stride:.3f} s at true speed",
     )
     assert (tmp_path / "drawn" / "strip.png").is_file()
     for file in ("motion.bvh", "motion_in_place.bvh", "genes.json"):
-        assert (tmp_path / "drawn" / file).read_bytes() == (tmp_path / "bare" / file).read_bytes()
+        written = (tmp_path / "drawn" / file).read_text()
+        assert written == (tmp_path / "bare" / file).read_text()
+        assert ("Frames: " in written) == file.endswith("bvh")
+        assert f"Frames: {frames}" in written or file == "genes.json"
     monkeypatch.setattr("hopdiff.tasks.results.write_pictures", lambda *_: {})
     for kind in ("webp", "none"):
         if "WEBP" in Image.SAVE_ALL or kind == "none":
