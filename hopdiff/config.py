@@ -94,11 +94,6 @@ def checked(config: DictConfig) -> Config:
     return settings
 
 
-def early_checks(config: DictConfig) -> None:
-    """Raises HopdiffError, naming the setting, for what the shared settings alone tell to be wrong."""
-    build_search(checked(config).search)
-
-
 def typed(config: DictConfig, schema: type) -> Any:
     """The settings of a config that a settings class has, as an object of it; others are left alone.
 
@@ -181,13 +176,16 @@ def _model_of(saved: Any, own: Mapping[str, Any]) -> Any:
     return {"name": name, **{key: value for key, value in saved.items() if key in mine or key not in others}}
 
 
-def build_job(config: DictConfig, search: Search | None = None, terms: Sequence[Term] = ()) -> Job:
+def build_job(
+    config: DictConfig, search: Search | None = None, terms: Sequence[Term] = (), settings: Config | None = None
+) -> Job:
     """Check the settings and build what a search or a replay needs.
 
-    search: in place of the settings'. terms: on top of the costs that they name.
+    search: in place of the settings'. terms: on top of the costs that they name. settings: of this config, where they
+    have been checked before.
     Raises HopdiffError, or an OmegaConfBaseException, that names the setting.
     """
-    settings = checked(config)
+    settings = settings or checked(config)
     dtype = DTYPES[choose("dtype", settings.dtype, DTYPES)]
     device = build_device(settings.device, dtype)
     character = Character.build(settings.character, dtype, device)
@@ -234,11 +232,6 @@ def plain_settings(config: DictConfig) -> dict[str, Any]:
     """The whole configuration as plain data."""
     plain: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
     return plain
-
-
-def build_character(config: DictConfig) -> Character:
-    """The body of the settings, whatever they ask of it. Raises HopdiffError, naming the setting."""
-    return Character.build(checked(config).character)
 
 
 def check_numbers(settings: Config) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from hopdiff.config import early_checks
+from hopdiff.choices import build_search
+from hopdiff.config import checked
 from hopdiff.doors import TASKS, load
 from hopdiff.io.record import write_record
 from hopdiff.io.run_folder import is_complete, opened
@@ -21,16 +22,16 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str], resume: bo
     it off. Raises HopdiffError for whatever the user can put right.
     """
     # What is easily mistyped is found before what draws and exports is loaded, which takes longer than all of this.
-    early_checks(config)
-    name = str(config.task.name)
-    task = TASKS.load(name, "task.name")
-    call = task.call(config, folder, command)
-    if resume and not call.settings.overwrite and is_complete(folder, call.plain):
+    settings = checked(config)
+    build_search(settings.search)
+    task = TASKS.load(settings.task.name, "task.name")
+    call = task.call(config, settings, folder, command)
+    if resume and not settings.overwrite and is_complete(folder, call.plain):
         print(f"{folder.name}: complete already.", flush=True)
         return False
-    with threads(call.settings.threads):
+    with threads(settings.threads):
         work = task.build(call)
-        with opened(folder, name, command, call.plain, call.settings.overwrite) as run:
+        with opened(folder, settings.task.name, command, call.plain, settings.overwrite) as run:
             write_record(folder, call.plain, call.command)
             work(run)
             if call.exports and task.motion:

@@ -9,7 +9,7 @@ import pytest
 
 from hopdiff.cli import main
 
-TINY = ("budget.evaluations=60", "search=random", "search.population=20")
+TINY = ("model=smooth", "budget.evaluations=60", "search=random", "search.population=20")
 
 
 def sweep(monkeypatch: pytest.MonkeyPatch, folder: Path, *words: str) -> int:

@@ -77,6 +77,7 @@ def test_costs_and_genes_follow_the_model(group: str, model: str) -> None:
     assert compose([f"model={model}"])[group].name == default
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[] if name in BRIEF else pytest.mark.thorough) for name in EXPERIMENTS]
 )

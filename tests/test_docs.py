@@ -18,6 +18,7 @@ import pytest
 import hopdiff
 from hopdiff.choices import build_costs, build_search
 from hopdiff.composing import compose, known_settings
+from hopdiff.config import checked
 from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, TERMS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -70,6 +71,7 @@ def overrides_of(command: str, own: Path) -> list[str]:
     return settings
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("page", "command"), commands())
 def test_commands_compose(page: str, command: str, tmp_path: Path) -> None:
     """Names, choices and types of every setting are checked; files need not be there."""
@@ -77,7 +79,7 @@ def test_commands_compose(page: str, command: str, tmp_path: Path) -> None:
     words = overrides_of(command, tmp_path)
     config = compose([word for word in words if not word.startswith("retarget.skeleton=")])
     task = TASKS.load(config.task.name)
-    call = task.call(config, tmp_path, words)
+    call = task.call(config, checked(config), tmp_path, words)
     build_search(call.settings.search)
     build_costs(call.settings.costs, config.model.name)
 
@@ -108,6 +110,7 @@ def test_every_page_of_examples_has_one() -> None:
     assert {page for page, _ in EXAMPLES} == {"start", "extending"}
 
 
+@pytest.mark.thorough
 def test_package_of_the_page_is_found(tmp_path: Path) -> None:
     """The package of extending.md, as an installer would leave it, and its commands with a small budget."""
     page = ROOT / "docs" / "extending.md"

@@ -140,7 +140,7 @@ def test_an_unwritable_run_folder_is_found_before_the_search(
 
     monkeypatch.setattr(Path, "write_bytes", refuse)
     monkeypatch.setattr("hopdiff.tasks.run.find", search)
-    assert run_main(monkeypatch, "hydra.run.dir=there") == 1
+    assert run_main(monkeypatch, "model=smooth", "hydra.run.dir=there") == 1
     assert "there' cannot be written: Permission denied" in only_sentence(capsys)
     assert not (tmp_path / "there").exists()
 

@@ -32,6 +32,7 @@ def run(name: str, *words: str) -> Run:
     return search_run(build_job(compose([f"+experiment=kang1999/{name}", *words])))
 
 
+@pytest.mark.few(3)
 @pytest.mark.few(4)
 @pytest.mark.parametrize("name", FIGURES)
 def test_figures_run_with_the_numbers_of_the_thesis(name: str) -> None:

@@ -158,6 +158,7 @@ def task(house: House) -> None:
     assert (house.run("task=hello") / "hello.txt").read_text() == "good day"
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("what", "addition"),
     [

@@ -15,7 +15,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
+import yaml
 
 from hopdiff import __version__
 from hopdiff.io.files import write_whole
@@ -36,6 +36,9 @@ LIBRARIES = (
     "pyyaml",
     "trimesh",
 )
+
+
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 def prepare_folder(folder: Path) -> None:
@@ -66,7 +69,8 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 def write_settings(folder: Path, settings: Mapping[str, Any]) -> None:
     """Write the whole configuration."""
-    write_whole(folder / "config.yaml", OmegaConf.to_yaml(OmegaConf.create(dict(settings))))
+    text = yaml.dump(dict(settings), Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
+    write_whole(folder / "config.yaml", text)
 
 
 def write_record(folder: Path, settings: Mapping[str, Any], command: list[str]) -> None:

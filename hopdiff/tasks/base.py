@@ -10,7 +10,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from hopdiff.config import Config, build_job, check_names, checked, plain_settings, typed
+from hopdiff.config import Config, build_job, check_names, plain_settings, typed
 from hopdiff.export.request import Exports
 from hopdiff.io.run_folder import RunFolder
 from hopdiff.job import Job
@@ -44,7 +44,7 @@ class Call:
 
     def job(self) -> Job:
         """What a search or a replay needs, checked. Raises HopdiffError, naming the setting."""
-        return build_job(self.config)
+        return build_job(self.config, settings=self.settings)
 
 
 Work = Callable[[RunFolder], None]
@@ -66,10 +66,12 @@ class Task:
     exports: bool = False
     defaults: dict[str, Any] = field(default_factory=dict)
 
-    def call(self, config: DictConfig, folder: Path, command: Sequence[str]) -> Call:
-        """The call of a composed config. Raises HopdiffError, naming the setting, for what cannot be."""
+    def call(self, config: DictConfig, settings: Config, folder: Path, command: Sequence[str]) -> Call:
+        """The call of a composed config. settings: those that all tasks share, checked.
+
+        Raises HopdiffError, naming the setting, for what cannot be.
+        """
         check_names(config, Config, self.settings)
-        settings = checked(config)
         check_film(settings.animation, settings.pictures)
         exports = Exports.build(settings.exports, settings.retarget)
         if exports and not (self.motion or self.exports):

@@ -10,7 +10,6 @@ from typing import Any
 import torch
 
 from hopdiff.character import Character
-from hopdiff.config import build_character
 from hopdiff.io.record import write_json, write_table
 from hopdiff.io.run_folder import RunFolder
 from hopdiff.numerics import GRAVITY
@@ -24,7 +23,7 @@ COLUMNS = ("joint", "parent", "length", "mass", "com_x", "com_y", "com_z", "iner
 
 def build(call: Call) -> Work:
     """Build the body. Raises HopdiffError, naming the setting."""
-    character = build_character(call.config)
+    character = Character.build(call.settings.character)
 
     def work(folder: RunFolder) -> None:
         measures, rows = body_measures(character), joint_rows(character)

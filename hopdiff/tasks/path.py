@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 from torch import Tensor
 
 from hopdiff import costs
-from hopdiff.config import build_character, build_job, checked, typed
+from hopdiff.character import Character
+from hopdiff.config import build_job
 from hopdiff.effort.metrics import MEASURING_FPS, standing_feet
 from hopdiff.effort.problem import BodyProblem
 from hopdiff.io.record import write_table
@@ -61,13 +62,6 @@ class PathTask:
     path: PathSettings
 
 
-def route_of(config: DictConfig) -> Route:
-    """The route of the settings, checked against what their body can run. Raises HopdiffError, naming the setting."""
-    character = build_character(config)
-    asked: PathTask = typed(config, PathTask)
-    return plan(asked.path, character.leg_length, character.name, checked(config).fps)
-
-
 def build(call: Call) -> Work:
     """Check path and settings. Raises HopdiffError, naming the setting and the range that is possible."""
     words = typed_names(call.command)
@@ -75,9 +69,10 @@ def build(call: Call) -> Work:
         raise HopdiffError("speed cannot be set with task=path: path.time and the length of the path give it.")
     if "path.points" in words and "path.file" in words:
         raise HopdiffError("path.points and path.file are both set: give the path by one of them.")
-    route = route_of(call.config)
+    character = Character.build(call.settings.character)
+    route = plan(call.own.path, character.leg_length, character.name, call.settings.fps)
     OmegaConf.update(call.config, "speed", route.speed)
-    job = build_job(call.config)
+    job = build_job(call.config, settings=replace(call.settings, speed=route.speed))
     if (cadence := cadence_gene(job.problem)) in job.settings["genes"]["fixed"]:
         raise HopdiffError(
             f"genes.fixed.{cadence} cannot be set with task=path: whole strides fill path.time by the"

@@ -9,7 +9,7 @@ from omegaconf import DictConfig
 from torch import Tensor
 
 from hopdiff.character import Character
-from hopdiff.config import build_character, build_job, with_saved
+from hopdiff.config import build_job, checked, with_saved
 from hopdiff.io.genes_file import GenesFile, read_genes, unit_genes
 from hopdiff.io.run_folder import RunFolder
 from hopdiff.job import Job, check_frames, make_run
@@ -37,9 +37,10 @@ def build(call: Call) -> Work:
     if "experiment" in (typed := typed_names(call.command)):
         raise HopdiffError("+experiment has no effect with task=replay: type single settings, as limp.amount=0.3.")
     file = read_genes(Path(call.own.genes_file))
+    original = original_body(call.config, file)
     job = build_job(with_saved(call.config, file.settings, typed))
     check_frames(job)
-    genes = possible_genes(job, file, original_body(call.config, file))
+    genes = possible_genes(job, file, original)
 
     def work(folder: RunFolder) -> None:
         done = make_run(job, genes)
@@ -78,7 +79,7 @@ def original_body(config: DictConfig, genes: GenesFile) -> Character:
     """The body that genes were found for. Raises HopdiffError, naming the file."""
     saved = {name: value for name, value in genes.settings.items() if name == "character"}
     try:
-        return build_character(with_saved(config, saved, ()))
+        return Character.build(checked(with_saved(config, saved, ())).character)
     except HopdiffError as error:
         raise HopdiffError(f"genes_file {str(genes.path)!r}, of its saved settings: {error}") from error
 

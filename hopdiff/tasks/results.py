@@ -31,11 +31,10 @@ DRAWN_FPS = 1000.0  # frames/s of what is drawn: curves are smooth, and poses ar
 
 
 def write_found(folder: Path, job: Job, result: SearchResult) -> None:
-    """Write what a search has found, before anything is made of it: genes, history and settings."""
+    """Write what a search has found, before anything is made of it: genes and history. The settings are there."""
     values = job.table.to_physical(result.best_genes).tolist()
     write_genes(folder / "genes.json", job.saved, dict(zip(job.table.names, values, strict=True)), job.table.units)
     write_history(folder, result.history)
-    write_settings(folder, job.settings)
 
 
 def write_run(folder: Path, job: Job, run: Run, command: Sequence[str]) -> None:

@@ -81,6 +81,7 @@ def test_only_a_checkout_will_do(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert not (tmp_path / "results.md").exists()
 
 
+@pytest.mark.thorough
 def test_a_checkout_is_the_same_as_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from experiments.unchanged.__main__ import main
 

@@ -26,6 +26,7 @@ def clip(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return file_of(request.param, tmp_path_factory.mktemp("clip"))
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("scene", "words", "goal"),
     [
@@ -58,6 +59,7 @@ def test_a_walk_leads_through_the_rooms(
     assert float(step.max()) < 0.1  # no jump from piece to piece
 
 
+@pytest.mark.few(2)
 def test_the_same_settings_give_the_same_walk(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("a", "b"):
         assert command(monkeypatch, tmp_path / name, f"clips=[{clip}]", "pictures=false") == 0

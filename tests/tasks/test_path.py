@@ -177,6 +177,7 @@ def test_a_closed_path_loops(runs: Runs) -> None:
     assert metrics(runs(*BENDS))["closed"] is False
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("time", [9.0, 20.0])
 def test_the_lean_grows_with_the_square_of_speed_over_radius(time: float, runs: Runs) -> None:
     folder = runs(*CIRCLE[:2], f"path.time={time:g}", "path.max_lean_deg=40")
@@ -189,6 +190,7 @@ def test_the_lean_grows_with_the_square_of_speed_over_radius(time: float, runs: 
     assert float(np.mean(inwards / rows[:, 1])) == pytest.approx(math.tan(lean), rel=0.05)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("cap", [0.0, 5.0])
 def test_the_lean_is_capped(cap: float, runs: Runs) -> None:
     assert metrics(runs(*CIRCLE))["max_lean_deg"] > 10.0
@@ -202,6 +204,7 @@ def test_a_table_file_is_the_same_as_points(tmp_path: Path, runs: Runs) -> None:
     assert (read / "path.csv").read_bytes() == (runs(*BENDS) / "path.csv").read_bytes()
 
 
+@pytest.mark.thorough
 def test_a_drawing_is_the_same_as_points(tmp_path: Path, runs: Runs) -> None:
     """Ten metres up the page and a quarter of a circle of ten metres to the left."""
     shape = '<path d="M 300 400 C 300 344.772 255.228 300 200 300"/>'
@@ -295,7 +298,7 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
     assert not list(tmp_path.rglob("motion*"))
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("points", "time", "share"),
     [

@@ -37,6 +37,7 @@ def test_the_same_motion_comes_back(either: Path, tmp_path: Path, monkeypatch: p
     assert (tmp_path / "again" / "strip.png").exists()
 
 
+@pytest.mark.few(2)
 def test_typed_settings_win(either: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert replay(tmp_path / "fast", either / "genes.json", monkeypatch, "fps=120", "beta=0.3", "pictures=false") == 0
     metrics = json.loads((tmp_path / "fast" / "metrics.json").read_text())
@@ -89,6 +90,7 @@ def test_another_body_runs_with_steps_of_its_own_legs(
         assert genes[1][gene]["value"] == pytest.approx(entry["value"], abs=1e-9), gene
 
 
+@pytest.mark.thorough
 def test_mass_alone_leaves_the_motion_as_it_is(
     finished_smooth: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
