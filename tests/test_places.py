@@ -15,13 +15,16 @@ from typing import get_args, get_type_hints
 import pytest
 
 from hopdiff.character import CharacterSettings
-from hopdiff.config import Config
+from hopdiff.composing import compose
+from hopdiff.config import Config, typed
 from hopdiff.costs import CostSettings
 from hopdiff.doors import TASKS
+from hopdiff.editing.solve import SolveSettings
 from hopdiff.effort.settings import EffortSettings
 from hopdiff.export.settings import ExportSettings
 from hopdiff.genes import GeneSettings
 from hopdiff.models import MODELS
+from hopdiff.tasks.edit import EditTask
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -202,3 +205,8 @@ def test_no_default_stands_twice() -> None:
     for path in (ROOT / "conf" / "search").glob("*.yaml"):
         values = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
         assert values == [f"name: {path.stem}"], path
+
+
+def test_the_path_solver_has_the_same_settings_from_python_as_from_a_command() -> None:
+    """`SolveSettings` has defaults of its own: task=navigate and scripts use it without conf/."""
+    assert typed(compose(["task=edit"]), EditTask).edit.solver() == SolveSettings()

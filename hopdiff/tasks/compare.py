@@ -41,22 +41,24 @@ class CompareTask:
 
 
 def build(call: Call) -> Work:
-    """Raises HopdiffError if no folder is given."""
+    """Read the runs. Raises HopdiffError if no folder is given, or there is none."""
     runs = call.own.runs
     if runs is None:
         raise HopdiffError("task=compare needs runs=FOLDER, a folder with run folders in it.")
-    survey(Path(runs))
-    return lambda folder: compare(Path(runs), folder.path)
+    found = survey(Path(runs))
+    return lambda folder: compare(Path(runs), folder.path, found)
 
 
-def compare(runs: Path, folder: Path) -> None:
+def compare(runs: Path, folder: Path, found: Survey | None = None) -> None:
     """Draw and tabulate all runs below `runs`; writes into `folder` and prints a table of their groups.
+
+    found: what lies below `runs`, where that is known already.
 
     Runs that failed, or cannot be read, have a row in comparison.csv and are drawn nowhere. Interrupted searches are
     hollow dots in the summary and count in no median or curve: they had less to spend than the others.
     Raises HopdiffError if no run is left, or the folder cannot be written.
     """
-    found = survey(runs)
+    found = found or survey(runs)
     records = [with_history(record) if record.status in DRAWN else record for record in found.runs]
     drawn = [record for record in records if record.status in DRAWN]
     told = left_out(found, records)

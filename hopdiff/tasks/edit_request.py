@@ -45,7 +45,7 @@ class TargetSettings:
 
 @dataclass
 class EditSettings:
-    """See conf/config.yaml. alpha and the others of the two solvers: null for the solver's own."""
+    """See conf/task/edit.yaml. alpha: null for that of the solver."""
 
     variant: str
     alpha: float | None
