@@ -6,7 +6,7 @@ import argparse
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -134,7 +134,8 @@ def write_gallery(out: Path, gallery: Gallery, entries: Sequence[Entry], folders
     """Write README.md and pictures/ into a folder. folders: run folder by shot."""
     (out / "pictures").mkdir(parents=True, exist_ok=True)
     numbers = {name: read_numbers(folder) for name, folder in folders.items()}
-    parts = [gallery.head, "\n".join(f"- [{e.figure} {e.title}](#{anchor(e)})" for e in entries)]
+    made = f"Made at {commits(folders.values())}."
+    parts = [gallery.head, made, "\n".join(f"- [{e.figure} {e.title}](#{anchor(e)})" for e in entries)]
     for entry in entries:
         for shot in entry.shots:
             if shot.picture:
@@ -143,6 +144,17 @@ def write_gallery(out: Path, gallery: Gallery, entries: Sequence[Entry], folders
                 shrink(found, out / "pictures" / f"{shot.name}.png", shot.width)
         parts.append(section(gallery, entry, {shot.name: numbers[shot.name] for shot in entry.shots}))
     (out / "README.md").write_text("\n\n".join(part.strip() for part in parts) + "\n", encoding="utf-8")
+
+
+def commits(folders: Iterable[Path]) -> str:
+    """The commits that runs, or sweeps of them, were made at, as their git.json tells it."""
+    found: dict[str, None] = {}
+    for folder in folders:
+        for path in sorted(folder.rglob("git.json")):
+            state = json.loads(path.read_text(encoding="utf-8"))
+            changed = " with changes" if state.get("dirty") else ""
+            found[f"{state['commit'][:7]}{changed}" if state["checkout"] else "no commit"] = None
+    return ", ".join(found)
 
 
 def read_numbers(folder: Path) -> dict[str, Any]:

@@ -1,0 +1,122 @@
+"""The pictures of the project's front pages: `python -m experiments.pictures --clips FOLDER`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from PIL import Image
+
+from experiments.gallery import CLIPS, Shot, commits, make
+from experiments.report import markdown
+
+HERE = Path(__file__).parent
+UPPER = 0.385  # share of a strip's height that the poses of its upper half take
+
+
+class Sheet(NamedTuple):
+    """One picture: files of run folders side by side or below each other, cropped to their upper share, at a width."""
+
+    name: str
+    shots: tuple[Shot, ...]
+    width: int
+    beside: bool = False
+    upper: float = 1.0
+
+
+def beta(value: float) -> Shot:
+    return Shot(f"beta_{value:g}", ("speed=3.5", f"beta={value:g}", "animation=none"), "")
+
+
+SHEETS = (
+    Sheet("brisk", (Shot("brisk", ("+experiment=brisk", "animation=none"), ""),), 1400),
+    Sheet("beta", (beta(0.2), beta(0.5), beta(0.7)), 1300, upper=UPPER),
+    Sheet(
+        "path",
+        (
+            Shot(
+                "path", ("+experiment=path", "path.points=[[0,0],[2,6],[-2,12],[0,18]]", "path.time=5"), "", "along.png"
+            ),
+        ),
+        1000,
+    ),
+    Sheet(
+        "edit",
+        (
+            Shot(
+                "edit",
+                ("+experiment=kim2021/fig_2a", f"clip={CLIPS}/walk_straight_cmu_16_15.bvh"),
+                "",
+                "path.png strip.png",
+            ),
+        ),
+        1100,
+        beside=True,
+    ),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(prog="python -m experiments.pictures", description=__doc__)
+    parser.add_argument("--clips", type=Path, required=True, help="folder of walk_straight_cmu_16_15.bvh")
+    parser.add_argument("--runs", type=Path, default=Path("outputs/pictures"), help="run folders; finished ones stay")
+    parser.add_argument("--out", type=Path, default=HERE, help="folder of the pictures and README.md")
+    options = parser.parse_args(arguments)
+    rows = []
+    for sheet in SHEETS:
+        folders = [make(shot, options.runs, clips=options.clips) for shot in sheet.shots]
+        files = [
+            folder / name
+            for folder, shot in zip(folders, sheet.shots, strict=True)
+            for name in (shot.picture or "").split()
+        ]
+        save(sheet, files, options.out / f"{sheet.name}.png")
+        words = [" ".join(shot.overrides).replace(f"{CLIPS}/", "") for shot in sheet.shots]
+        command = ", ".join(f"`python -m hopdiff {one}`" for one in words)
+        rows.append(
+            (
+                f"{sheet.name}.png",
+                command,
+                ", ".join(dict.fromkeys((s.picture or "") for s in sheet.shots)),
+                commits(folders),
+            )
+        )
+    table = markdown(("picture", "command", "of its files", "at commit"), rows)
+    (options.out / "README.md").write_text(f"{HEAD}\n{table}\n{TAIL}", encoding="utf-8")
+
+
+HEAD = """# Pictures of the front pages
+
+Written by `python -m experiments.pictures --clips FOLDER`, with FOLDER as in [kim2021](../kim2021/README.md); the files of
+the runs are made smaller, and of a strip in `beta.png` the upper half is taken.
+"""
+TAIL = """`export.png` are the two pictures of [exports](../exports/README.md) side by side, put together by hand.
+"""
+
+
+def save(sheet: Sheet, files: Sequence[Path], target: Path) -> None:
+    """Lay pictures out and write them small."""
+    pictures = []
+    for file in files:
+        with Image.open(file) as image:
+            picture = image.convert("RGB")
+        pictures.append(picture.crop((0, 0, picture.width, round(picture.height * sheet.upper))))
+    if sheet.beside:
+        height = min(picture.height for picture in pictures)
+        pictures = [p.resize((round(p.width * height / p.height), height), Image.Resampling.LANCZOS) for p in pictures]
+        whole = Image.new("RGB", (sum(p.width for p in pictures), height), "white")
+    else:
+        whole = Image.new("RGB", (max(p.width for p in pictures), sum(p.height for p in pictures)), "white")
+    left = top = 0
+    for picture in pictures:
+        whole.paste(picture, (left, top))
+        left, top = (left + picture.width, top) if sheet.beside else (left, top + picture.height)
+    smaller = whole.resize((sheet.width, round(whole.height * sheet.width / whole.width)), Image.Resampling.LANCZOS)
+    colours = smaller.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    colours.save(target, optimize=True)
+
+
+if __name__ == "__main__":
+    main()
