@@ -64,33 +64,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--runs", type=Path, default=Path("outputs/pictures"), help="run folders; finished ones stay")
     parser.add_argument("--out", type=Path, default=HERE, help="folder of the pictures and README.md")
     options = parser.parse_args(arguments)
+    # All runs before any picture: a picture that is written changes the checkout that the next run would record.
+    made = [[make(shot, options.runs, clips=options.clips) for shot in sheet.shots] for sheet in SHEETS]
     rows = []
-    for sheet in SHEETS:
-        folders = [make(shot, options.runs, clips=options.clips) for shot in sheet.shots]
-        files = [
-            folder / name
-            for folder, shot in zip(folders, sheet.shots, strict=True)
-            for name in (shot.picture or "").split()
-        ]
-        save(sheet, files, options.out / f"{sheet.name}.png")
-        words = [" ".join(shot.overrides).replace(f"{CLIPS}/", "") for shot in sheet.shots]
-        command = ", ".join(f"`python -m hopdiff {one}`" for one in words)
-        rows.append(
-            (
-                f"{sheet.name}.png",
-                command,
-                ", ".join(dict.fromkeys((s.picture or "") for s in sheet.shots)),
-                commits(folders),
-            )
-        )
-    table = markdown(("picture", "command", "of its files", "at commit"), rows)
+    for sheet, folders in zip(SHEETS, made, strict=True):
+        files = [name.split() for name in (shot.picture or "" for shot in sheet.shots)]
+        paths = [folder / name for folder, names in zip(folders, files, strict=True) for name in names]
+        save(sheet, paths, options.out / f"{sheet.name}.png")
+        commands = [f"`python -m hopdiff {' '.join(shot.overrides)}`".replace(f"{CLIPS}/", "") for shot in sheet.shots]
+        rows.append((f"{sheet.name}.png", ", ".join(commands), ", ".join(files[0]), commits(folders)))
+    table = markdown(("picture", "command", "file", "at commit"), rows)
     (options.out / "README.md").write_text(f"{HEAD}\n{table}\n{TAIL}", encoding="utf-8")
 
 
 HEAD = """# Pictures of the front pages
 
-Written by `python -m experiments.pictures --clips FOLDER`, with FOLDER as in [kim2021](../kim2021/README.md); the files of
-the runs are made smaller, and of a strip in `beta.png` the upper half is taken.
+Written by `python -m experiments.pictures --clips FOLDER`, with FOLDER as in [kim2021](../kim2021/README.md); the files
+of the runs are made smaller, and of a strip in `beta.png` the upper half is taken.
 """
 TAIL = """`export.png` are the two pictures of [exports](../exports/README.md) side by side, put together by hand.
 """
