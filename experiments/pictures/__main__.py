@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from PIL import Image
 
 from experiments.gallery import CLIPS, Shot, commits, make
 from experiments.report import markdown
 
 HERE = Path(__file__).parent
-UPPER = 0.385  # share of a strip's height that the poses of its upper half take
+Share = tuple[float, float]
 
 
 class Sheet(NamedTuple):
-    """One picture: files of run folders side by side or below each other, cropped to their upper share, at a width."""
+    """One picture: files of run folders side by side or below each other, at a width.
+
+    ends: where in its height the upper part of a file ends, somewhere between two shares; None takes all of it.
+    """
 
     name: str
     shots: tuple[Shot, ...]
     width: int
     beside: bool = False
-    upper: float = 1.0
+    ends: Mapping[str, Share] = {}
 
 
 def beta(value: float) -> Shot:
@@ -32,7 +36,7 @@ def beta(value: float) -> Shot:
 
 SHEETS = (
     Sheet("brisk", (Shot("brisk", ("+experiment=brisk", "animation=none"), ""),), 1400),
-    Sheet("beta", (beta(0.2), beta(0.5), beta(0.7)), 1300, upper=UPPER),
+    Sheet("beta", (beta(0.2), beta(0.5), beta(0.7)), 1300, ends={"strip.png": (0.36, 0.48)}),
     Sheet(
         "path",
         (
@@ -54,6 +58,7 @@ SHEETS = (
         ),
         1100,
         beside=True,
+        ends={"path.png": (0.6, 0.8)},
     ),
 )
 
@@ -80,10 +85,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
 HEAD = """# Pictures of the front pages
 
 Written by `python -m experiments.pictures --clips FOLDER`, with FOLDER as in [kim2021](../kim2021/README.md); the files
-of the runs are made smaller, and of a strip in `beta.png` the upper half is taken.
+of the runs made smaller, of `strip.png` in `beta.png` and `path.png` in `edit.png` the upper part.
 """
 TAIL = """`export.png` are the two pictures of [exports](../exports/README.md) side by side, put together by hand.
 """
+
+
+def upper(picture: Image.Image, ends: Share) -> Image.Image:
+    """What is above the widest blank band of a picture between two shares of its height."""
+    first, last = (round(picture.height * share) for share in ends)
+    ink = (np.asarray(picture)[first:last] < 255).any((1, 2))
+    rows = np.flatnonzero(np.concatenate(([True], ink, [True])))
+    widest = int(np.diff(rows).argmax())
+    return picture.crop((0, 0, picture.width, first + int(rows[widest] + rows[widest + 1]) // 2))
 
 
 def save(sheet: Sheet, files: Sequence[Path], target: Path) -> None:
@@ -92,7 +106,7 @@ def save(sheet: Sheet, files: Sequence[Path], target: Path) -> None:
     for file in files:
         with Image.open(file) as image:
             picture = image.convert("RGB")
-        pictures.append(picture.crop((0, 0, picture.width, round(picture.height * sheet.upper))))
+        pictures.append(upper(picture, sheet.ends[file.name]) if file.name in sheet.ends else picture)
     if sheet.beside:
         height = min(picture.height for picture in pictures)
         pictures = [p.resize((round(p.width * height / p.height), height), Image.Resampling.LANCZOS) for p in pictures]
