@@ -108,6 +108,27 @@ def test_a_slipping_foot_is_seen(stride: tuple[dict[str, float], Motion]) -> Non
     assert stance_foot_drift(replace(motion, feet=feet)) == pytest.approx(0.013, abs=1e-6)
 
 
+@pytest.mark.parametrize("frame", [0, 1, -1])
+def test_a_foot_that_slips_in_one_frame_is_seen_in_that_frame(
+    stride: tuple[dict[str, float], Motion], frame: int
+) -> None:
+    """Against where it touched down: the first frame of its stance, up to the last, which may be that of take-off."""
+    _, motion = stride
+    inside = torch.nonzero(motion.contact[:, 0]).flatten()
+    last = int(inside[inside < int(torch.nonzero(~motion.contact[:, 0])[0])][-1])
+    first = next(phase for phase in motion.phases if phase.kind == "stance" and phase.side == "left")
+    phases = tuple(
+        replace(phase, end=float(motion.times[last])) if phase is first else phase for phase in motion.phases
+    )
+    feet = motion.feet.clone()
+    feet[(0, 1, last)[frame], 0, 0] += 0.01
+    feet[2, 0, 0] -= 0.01
+    wanted = 0.02 if frame == 0 else 0.01
+    assert stance_foot_drift(replace(motion, feet=feet, phases=phases)) == pytest.approx(wanted, abs=1e-6)
+    feet[2, 0, 0] += 0.01
+    assert stance_foot_drift(replace(motion, feet=feet, phases=phases)) == pytest.approx(0.01, abs=1e-6)
+
+
 def test_a_sunken_foot_is_seen(stride: tuple[dict[str, float], Motion]) -> None:
     _, motion = stride
     feet = motion.feet.clone()

@@ -12,6 +12,7 @@ from torch import Tensor
 from hopdiff import costs
 from hopdiff.composing import compose
 from hopdiff.config import build_job
+from hopdiff.models.gait import stride_time
 from hopdiff.problem import RunProblem
 from hopdiff.types import HopdiffError, Status
 from tests.builders import make_problem
@@ -197,3 +198,14 @@ def test_what_breaks_a_constraint_keeps_its_merit_and_loses_its_cost() -> None:
 def test_froude_speed_is_that_over_the_root_of_g_and_leg_length() -> None:
     p = make_problem("speed=4")
     assert p.froude == pytest.approx(4.0 / math.sqrt(9.81 * p.character.leg_length), rel=1e-3)
+
+
+def test_no_candidate_strides_faster_than_the_shortest_stride() -> None:
+    """The least way on the ground at the asked speed, over the largest duty factor."""
+    p = problem("speed=5", "beta=0.5")
+    low, high = (dict(zip(p.table.names, ends.tolist(), strict=True)) for ends in (p.table.low, p.table.high))
+    reach = low["leg_extension"] * math.sin(math.radians(low["touchdown_angle"])) * p.character.leg_length
+    assert p.shortest_stride == pytest.approx(2.0 * reach / 5.0 / high["duty_factor"])
+    genes = draw(p, 50)
+    genes = genes[p.evaluate(genes, with_grad=False).status == Status.OK]
+    assert float(stride_time(p.gait(genes)).min()) > p.shortest_stride

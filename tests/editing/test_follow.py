@@ -76,12 +76,13 @@ def test_bound_frames_hold_both_ends_and_are_not_too_many(frames: int, frame_tim
     assert len(bound) == len(set(bound)) <= MOST + 1
 
 
-def test_a_straight_walk_on_a_straight_line_is_turned_as_a_whole() -> None:
+@pytest.mark.parametrize("turn", [1.1, 0.3])
+def test_a_straight_walk_on_a_straight_line_is_turned_as_a_whole(turn: float) -> None:
     """Way, sway and facing keep their shape: the path is that of the clip, turned and moved."""
     path = walk(240, facing=0.4)
     middle = middle_line(path.place, FRAME)
     length = float(middle.diff(dim=0).norm(dim=-1).sum())
-    turn, start = 1.1, torch.tensor([3.0, -2.0], dtype=torch.float64)
+    start = torch.tensor([3.0, -2.0], dtype=torch.float64)
     way = torch.tensor([math.sin(0.3 + turn), math.cos(0.3 + turn)], dtype=torch.float64)
     line = curve_through(torch.stack((start, start + 0.5 * length * way, start + length * way)).numpy())
     laid, bound = follow(path, FRAME, line)

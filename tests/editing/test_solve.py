@@ -119,6 +119,22 @@ def test_a_round_asks_for_alpha_at_most() -> None:
     assert left == pytest.approx([0.7, 0.4, 0.1])
 
 
+def test_the_least_change_is_taken_where_it_does_what_was_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a gentle bend every round of .4 m does more than half of that: it looks at one change, and halves none."""
+    path = walk(60)
+    looked = []
+
+    def counted(*given: Tensor) -> RootPath:
+        looked.append(given[0])
+        return path_of(*given)
+
+    monkeypatch.setattr("hopdiff.editing.solve.path_of", counted)
+    place = (float(path.place[59, 0]) + 1.5, float(path.place[59, 1]))
+    found = edit_path(path, [Constraint(59, place, float(path.yaw[59]))], 1 / 30, SolveSettings(alpha=0.4))
+    assert found.rounds == 5
+    assert len(looked) == found.rounds + 2  # the first look, and a last round to the last digits
+
+
 def test_a_guess_near_the_solution_is_followed() -> None:
     path = walk(60)
     wish = [Constraint(59, (0.4, 2.0), float(path.yaw[59]) + 2.5)]

@@ -89,6 +89,17 @@ def test_the_movement_obeys_physics_and_stands_on_its_feet() -> None:
     assert found["loop_error"] < 1e-6
 
 
+def test_the_friction_that_is_needed_is_the_largest_while_a_foot_bears_weight() -> None:
+    problem = body_problem(*ORDINARY)
+    motion = stride_motion(problem.gait(unit_genes(problem)), 240.0)
+    assert motion.force is not None
+    ratios = [
+        float(f[0] ** 2 + f[2] ** 2) ** 0.5 / float(f[1]) for frame in motion.force for f in frame if float(f[1]) > 0.5
+    ]
+    assert measured(*ORDINARY)["friction_needed"] >= max(ratios) - 0.01
+    assert max(ratios) > 0.1
+
+
 def test_nothing_pushes_in_the_air() -> None:
     assert measured(*ORDINARY)["flight_residual_bw"] < 1e-6
 

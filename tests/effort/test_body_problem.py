@@ -251,3 +251,18 @@ def test_single_precision_prices_alike() -> None:
     assert torch.equal(a.status, b.status)
     for name in ("positive_work", "negative_work", "torque"):
         torch.testing.assert_close(b.terms[name].double(), a.terms[name], rtol=2e-2, atol=1e-3)
+
+
+def test_a_candidate_whose_rounds_do_not_come_to_rest_has_no_merit(monkeypatch: pytest.MonkeyPatch) -> None:
+    p = body_problem(*ORDINARY)
+    genes = unit_genes(p)
+    assert math.isfinite(float(p.evaluate(genes, with_grad=False).merit))
+    monkeypatch.setattr("hopdiff.effort.problem.LOST", 0.0)
+    assert math.isinf(float(p.evaluate(genes, with_grad=False).merit))
+
+
+def test_the_shortest_stride_is_two_of_the_shortest_steps() -> None:
+    p = body_problem(*ORDINARY)
+    row = p.table.names.index("step_time")
+    step = float(p.table.low[row]) * math.sqrt(p.character.leg_length / 9.81)
+    assert p.shortest_stride == pytest.approx(2.0 * step)

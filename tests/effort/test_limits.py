@@ -110,6 +110,18 @@ def test_a_foot_in_the_ground_is_wrong() -> None:
     assert over(replace(WIDE, clearance=0.5)) > over(WIDE) + 1.0
 
 
+def test_grip_is_told_in_shares_of_the_force_that_a_foot_bears() -> None:
+    """What is needed beyond the friction, over .015 of the vertical force and .005 body weights more."""
+    run = priced()
+    (told,) = [one for one in excesses(run, replace(WIDE, friction=0.3)) if one.status == Status.SLIPPERY]
+    force = run.body.carried.force[0] / 9.81
+    lift = force[:, 1].clamp_min(0.0)
+    needed = torch.sqrt(force[:, 0] ** 2 + force[:, 2] ** 2)
+    wanted = (needed - 0.3 * lift) / (0.005 + 0.015 * lift)
+    torch.testing.assert_close(told.curves[0], wanted, rtol=1e-4, atol=1e-3)
+    assert float(lift.max()) > 2.0
+
+
 def test_a_body_that_is_pulled_down_is_wrong() -> None:
     run = priced()
     pull = torch.zeros_like(run.body.carried.force)
@@ -191,3 +203,12 @@ def test_a_candidate_that_is_not_solved_is_told_so() -> None:
     assert bool((found.status[unsolved] == int(Status.NOT_CLOSED)).all())
     assert not bool((found.status[~unsolved] == int(Status.NOT_CLOSED)).any())
     assert bool(torch.isinf(found.cost[unsolved]).all())
+
+
+def test_rounding_of_the_work_is_a_share_of_the_bodys_own_power() -> None:
+    """g sqrt(g l): of a body four times as tall, twice as much."""
+    human, tall = priced(), priced(*ORDINARY, "character.height=7")
+    assert human.power_width / (9.81 * math.sqrt(9.81 * human.leg)) == pytest.approx(
+        tall.power_width / (9.81 * math.sqrt(9.81 * tall.leg))
+    )
+    assert tall.power_width == pytest.approx(2.0 * human.power_width)

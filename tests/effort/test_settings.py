@@ -41,6 +41,11 @@ from hopdiff.types import HopdiffError
             "costs.limits.knee_deg must be [low, high] with low < high, not [10.0,",
         ),
         (["costs.limits.hip_deg=[10]"], "costs.limits.hip_deg must be [low, high] with low < high, not [10.0]."),
+        (
+            ["costs.limits.reach=0.52", "costs.limits.knee_deg=[10,5]"],
+            "costs.limits.knee_deg must be [low, high]",
+        ),
+        (["costs.limits.reach=0.49"], "costs.limits.reach must lie between 0.5 and 1, not 0.49."),
         (["costs.limits.reach=inf"], "costs.limits.reach must be a finite number, not inf."),
         (["costs.human.trunk_lean_deg=nan"], "costs.human.trunk_lean_deg must be a finite number, not nan."),
         (["costs.human.swing_knee_deg=high"], "costs.human.swing_knee_deg must be a finite number, not 'high'."),

@@ -375,6 +375,17 @@ def test_a_gap_is_a_share_of_what_may_be_left(graph: MotionGraph) -> None:
     assert search.badness((0.6, math.radians(15.0))) == pytest.approx(1.5)
 
 
+def test_a_turn_that_is_left_takes_as_long_as_the_quickest_turn(graph: MotionGraph) -> None:
+    """What the search expects to be left, at the goal but for its heading: 1.5 rad, less what may be left."""
+    search = searched(graph, Goal(9.0 + 3.0j, 1.0, True), weight=1.0, radius=0.4, angle_deg=30.0)
+    nothing = np.array([-1])
+    search._push(np.array([0]), np.array([9.0 + 3.0j]), np.array([-0.5]), np.zeros(1), nothing, nothing)
+    rate = float(np.abs(search.moves.yaw[:, -1] / (search.moves.frames * graph.frame_time)).max())
+    assert search._queue[0][0] >= (1.5 - math.radians(30.0)) / search.moves.quickest - 1e-9
+    assert search.moves.quickest >= rate
+    assert search._queue[0][0] > 0.0
+
+
 def test_transitions_are_taken_only_where_they_save_what_they_cost(graph: MotionGraph) -> None:
     """The best walk where they cost nothing, and where they cost a second each."""
     starts = [State(frame, 1.5 + 3.0j, 0.0) for frame in range(0, graph.frames, 40)]

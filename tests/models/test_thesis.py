@@ -246,3 +246,19 @@ def test_what_the_costs_see_is_the_body_on_its_frames() -> None:
         force = cycle.stiffness[p] * (cycle.leg_length[p] - length) / 9.81
         force = torch.where(f.hops.in_flight[p, :count], 0.0, force)
         torch.testing.assert_close(t.leg_force[p, :count], force, rtol=1e-3, atol=1e-6)
+
+
+def test_arms_swing_with_the_phase_of_the_stride() -> None:
+    """Shoulders go as a cosine of the time since left touchdown, once a stride, the right half a stride after."""
+    problem = thesis()
+    genes = problem.ordinary_genes
+    motion = problem.motion(genes, 200.0)
+    g = problem.table.decode(genes.unsqueeze(0))
+    phase = 2.0 * math.pi * motion.times / motion.clip.duration
+    for name, late in (("left_shoulder", 0.0), ("right_shoulder", math.pi)):
+        swing = motion.angles[name][:-1] - motion.angles[name][:-1].mean()
+        wave = torch.exp(1j * (phase[:-1] - late))
+        found = 2.0 * (swing * wave).mean()
+        rest = swing - (found.real * wave.real + found.imag * wave.imag)
+        assert float(rest.abs().max()) < 0.15 * float(swing.abs().max()), name
+        assert abs(found) == pytest.approx(float(g["arm_swing"]), rel=0.1)

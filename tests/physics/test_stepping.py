@@ -154,3 +154,14 @@ def test_balance_forgets_its_own_shake_within_frames() -> None:
     shake = (torch.cat(angles[2:]).diff()).abs()
     envelope = 0.5 ** (torch.arange(len(shake)) / 2.0)
     assert (shake <= 0.2 * envelope + 1e-15).all()
+
+
+def test_phases_run_from_0_to_1() -> None:
+    """A stance overshoots its end by up to a frame: the phase stays at 1 there, however long the frame."""
+    hops = step(running(), 0.02, hops=2)
+    for p in range(3):
+        phase, standing = hops.phase[p, hops.alive[p]], ~hops.in_flight[p, hops.alive[p]]
+        assert float(phase[0]) == 0.0
+        assert float(phase.min()) >= 0.0
+        assert float(phase[standing].max()) <= 1.0
+        assert float(phase[standing].max()) > 0.85

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -121,3 +122,15 @@ def test_nothing_jumps() -> None:
     own = straight.clip.joint_positions()
     usual = ((own[2:] - 2.0 * own[1:-1] + own[:-2]) / straight.clip.frame_time).norm(dim=-1)
     assert float(jump.max()) < 2.0 * float(usual.max())
+
+
+def test_phases_of_another_duration_are_stretched_with_it() -> None:
+    gait = gait_of("run")
+    own = 2.0 * float(gait.stride_time[0])
+    line = curve_through(np.array([[0.0, 0.0], [0.0, 1.1 * SPEEDS["run"] * own]]), closed=False)
+    for duration in (own, 1.1 * own):
+        motion = Course(gait, line, 2, duration, torch.zeros_like).motion(120.0)
+        assert motion.phases[0].start == 0.0
+        assert motion.phases[-1].end == pytest.approx(duration)
+        for before, after in pairwise(motion.phases):
+            assert before.end == pytest.approx(after.start)

@@ -211,6 +211,13 @@ def test_toes_lie_flat_while_the_heel_rises() -> None:
     later = joints_at(gait, torch.tensor([end + 0.9 * (float(gait.stride_time) - end)], dtype=DTYPE))[1][0, 0]
     names = gait.layout.skeleton
     torch.testing.assert_close(later[names.index("left_toe")], later[names.index("left_ankle")])
+    # Straight a quarter of the swing after take-off, although the foot still points down.
+    swing = float(gait.stride_time) - end
+    eased = joints_at(gait, torch.tensor([end + share * swing for share in (0.05, 0.26)], dtype=DTYPE))[1][0]
+    toe, heel = eased[:, names.index("left_toe")], eased[:, names.index("left_ankle")]
+    assert float(heel[1, 1, 2]) < -0.4
+    torch.testing.assert_close(toe[1], heel[1])
+    assert float((toe[0] - heel[0]).abs().max()) > 0.1
 
 
 @pytest.mark.parametrize("which", [0, 1, 2])

@@ -10,8 +10,9 @@ import torch
 
 from hopdiff.whole_body.kinematics import joint_places, segment_centres
 from hopdiff.whole_body.layout import COUNT, JOINT_OF, PARENTS, SEGMENTS, Layout
+from hopdiff.whole_body.skeleton import full_skeleton
 from tests.builders import settings_of
-from tests.whole_body.bodies import DTYPE, layout_of
+from tests.whole_body.bodies import DTYPE, layout_of, plain_problem
 
 BODIES = ("human", "child", "cartoon")
 # De Leva (1996), table 4, male: shares of the mass, centres and radii of gyration (left, up, forward).
@@ -196,3 +197,14 @@ def test_longer_legs_make_longer_legs() -> None:
     for part_of in ("upper_arm", "forearm", "head"):
         k = next(i for i, name in enumerate(SEGMENTS) if name.endswith(part_of))
         torch.testing.assert_close(long.centres[k], plain.centres[k])
+
+
+def test_shoes_lift_the_body_and_leave_the_toes_at_the_ground() -> None:
+    own = plain_problem().character.skeleton
+    bare, shod = full_skeleton(own), full_skeleton(own, 0.03)
+    torch.testing.assert_close(bare.offsets[bare.index("pelvis")], own.offsets[own.index("pelvis")])
+    lifted = shod.offsets - bare.offsets
+    assert float(lifted[shod.index("pelvis"), 1]) == pytest.approx(0.03)
+    # The balls of the feet stay at the soles.
+    moved = {name for name, row in zip(shod.names, lifted, strict=True) if float(row.abs().max()) > 1e-12}
+    assert moved == {"pelvis", "left_toe", "right_toe"}
