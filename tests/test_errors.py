@@ -10,6 +10,7 @@ import pytest
 from hopdiff.cli import main
 from hopdiff.composing import compose
 from hopdiff.doors import config_folder
+from hopdiff.errors import sentence
 
 MISTAKES = {
     "sped=3": "Unknown setting 'sped'. Did you mean 'speed'?",
@@ -226,3 +227,12 @@ def test_a_failing_job_of_a_sweep_is_named_and_the_others_finish(
 def test_the_defaults_are_no_mistake() -> None:
     assert compose().speed == 5.0
     assert (config_folder() / "config.yaml").is_file()
+
+
+def test_a_cluster_that_is_not_there_is_one_sentence() -> None:
+    """As Ray raises it where none is running; an error of ours that is no such thing keeps its trace."""
+    missing = ConnectionError("Could not find any running Ray instance. Please specify the one to connect to.\n")
+    assert sentence(missing) == (
+        "hydra/launcher=ray_cluster: Could not find any running Ray instance. Please specify the one to connect to."
+    )
+    assert sentence(ConnectionError("reset by peer")) is None
