@@ -261,3 +261,10 @@ def test_a_body_that_stands_is_moved_without_a_number_that_is_not_finite() -> No
     )
     edited = edit_path(path, [Constraint(59, (1.0, 1.0), 1.0)], FRAME)
     arrives(edited, Constraint(59, (1.0, 1.0), 1.0))
+
+
+def test_milliseconds_are_told_of_set_up_and_solution(monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks = iter([1.0, 1.5, 3.5])
+    monkeypatch.setattr("hopdiff.editing.targets.time.perf_counter", lambda: next(ticks))
+    found = edit_path(walk(), [Constraint(119, (1.0, 2.0))], FRAME).milliseconds
+    assert found == {"set_up": 500.0, "solve": 2000.0}

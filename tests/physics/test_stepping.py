@@ -165,3 +165,16 @@ def test_phases_run_from_0_to_1() -> None:
         assert float(phase.min()) >= 0.0
         assert float(phase[standing].max()) <= 1.0
         assert float(phase[standing].max()) > 0.85
+
+
+def test_a_landing_carries_the_rate_of_the_flight_to_second_order() -> None:
+    """The first frame after it: h v - g h^2 / 2 lower, while the spring is as long as at rest."""
+    h = 0.01
+    hops = step(running(), h, hops=2)
+    for p in range(3):
+        flying = torch.nonzero(hops.in_flight[p] & (hops.hop[p] == 0)).flatten()
+        first, landed = int(flying[0]), int(flying[-1]) + 1
+        height = hops.height[p]
+        rate = float(height[first + 1] - height[first]) / h + 0.5 * GRAVITY * h
+        fallen = -math.sqrt(rate**2 + 2.0 * GRAVITY * float(height[first] - height[landed]))
+        assert float(height[landed + 1] - height[landed]) == pytest.approx(h * fallen - 0.5 * GRAVITY * h**2, abs=1e-6)

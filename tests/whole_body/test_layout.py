@@ -117,6 +117,12 @@ def test_the_abdomen_and_the_foot_have_the_shares_of_people() -> None:
     layout = layout_of()
     mass = dict(zip(SEGMENTS, layout.masses.tolist(), strict=True))
     assert mass["waist"] / (mass["waist"] + mass["chest"]) == pytest.approx(MIDDLE_TRUNK / ABOVE_WAIST)
+    # Half-way up the abdomen, as far ahead as the centre of the whole trunk.
+    trunk = np.array(joints_of("human")["waist"]["segment"]["com"]) * 1.75
+    half = 0.5 * layout.offsets[SEGMENTS.index("chest")].numpy()
+    np.testing.assert_allclose(
+        layout.centres[SEGMENTS.index("waist")].numpy(), half + trunk * (1.0, 0.0, 1.0), atol=1e-9
+    )
     for side in SIDES:
         both = mass[f"{side}_shank"] + mass[f"{side}_foot"]
         assert mass[f"{side}_foot"] / both == pytest.approx(FOOT / (FOOT + SHANK))
@@ -187,6 +193,15 @@ def test_a_shoe_lifts_the_body_and_leaves_the_leg_alone() -> None:
     for point in ("heel", "ball", "toe"):
         change = getattr(shod, point) - getattr(bare, point)
         torch.testing.assert_close(change, torch.tensor([0.0, -thick, 0.0], dtype=DTYPE), rtol=0.0, atol=1e-12)
+
+
+def test_the_head_of_the_whole_body_ends_where_that_of_eleven_joints_does() -> None:
+    own = plain_problem().character.skeleton
+    whole = full_skeleton(own)
+    chain = ("pelvis", "waist", "chest", "upper_chest", "neck", "head")
+    top = sum((whole.offsets[whole.index(name)] for name in chain), whole.end_sites["head"])
+    short = sum((own.offsets[own.index(name)] for name in ("pelvis", "waist", "neck")), own.end_sites["neck"])
+    torch.testing.assert_close(top, short)
 
 
 def test_longer_legs_make_longer_legs() -> None:
