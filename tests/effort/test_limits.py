@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.effort.limits import CONVERGED, Excess, excesses, penalty, status_of
+from hopdiff.effort.priced import POWER_WIDTH
 from hopdiff.effort.settings import BodyLimits
 from hopdiff.types import Status
 from hopdiff.whole_body.layout import SEGMENTS
@@ -82,6 +83,9 @@ def test_limits_lie_where_their_numbers_say() -> None:
     ):
         assert over(replace(WIDE, **inside)) == pytest.approx(over(WIDE), abs=1e-9)  # type: ignore[arg-type]
         assert status(replace(WIDE, **outside)) != Status.OK  # type: ignore[arg-type]
+    for near in ({"knee_deg": [-90.0, bend + 1.0]}, {"ankle_deg": [least - 1.0, 90.0]}):
+        assert status(replace(WIDE, **near)) == Status.OK  # type: ignore[arg-type]
+        assert over(replace(WIDE, **near)) > over(WIDE) + 1e-9  # type: ignore[arg-type]
     force = carried.force[0, 0]
     lift, aside = force[1], torch.sqrt(force[0] ** 2 + force[2] ** 2)
     firm = lift > 1.0
@@ -208,7 +212,6 @@ def test_a_candidate_that_is_not_solved_is_told_so() -> None:
 def test_rounding_of_the_work_is_a_share_of_the_bodys_own_power() -> None:
     """g sqrt(g l): of a body four times as tall, twice as much."""
     human, tall = priced(), priced(*ORDINARY, "character.height=7")
-    assert human.power_width / (9.81 * math.sqrt(9.81 * human.leg)) == pytest.approx(
-        tall.power_width / (9.81 * math.sqrt(9.81 * tall.leg))
-    )
+    for run in (human, tall):
+        assert run.power_width == pytest.approx(POWER_WIDTH * 9.81 * math.sqrt(9.81 * run.leg))
     assert tall.power_width == pytest.approx(2.0 * human.power_width)
