@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, Protocol
 
 import torch
@@ -60,8 +61,8 @@ def stride_frames(duration: float, fps: float) -> int:
     """Number of frame intervals of a stride that comes nearest to `fps`; raises HopdiffError if there is none."""
     intervals = round(duration * fps)
     if intervals < LEAST_FRAMES:
-        least = LEAST_FRAMES / duration
-        raise HopdiffError(f"fps={fps:g} is too low for a stride of {duration:.3f} s: at least {least:.0f}.")
+        least = math.ceil(LEAST_FRAMES / duration)
+        raise HopdiffError(f"fps={fps:g} is too low for a stride of {duration:.3f} s: at least {least}.")
     return intervals
 
 

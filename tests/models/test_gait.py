@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 import torch
 
-from hopdiff.models.gait import contacts, phases, stride_frames, stride_time
+from hopdiff.models.gait import LEAST_FRAMES, contacts, phases, stride_frames, stride_time
 from hopdiff.problem import RunProblem
 from hopdiff.types import HopdiffError
 from tests.builders import make_problem, valid_genes
@@ -76,3 +76,13 @@ def test_too_few_frames_a_second_are_refused() -> None:
     assert stride_frames(0.5, 60.0) == 30
     with pytest.raises(HopdiffError, match="fps=5 is too low"):
         stride_frames(0.5, 5.0)
+
+
+@pytest.mark.parametrize("duration", [0.31, 0.648, 1.37])
+def test_the_frame_rate_that_is_told_will_do(duration: float) -> None:
+    with pytest.raises(HopdiffError, match=r"at least (\d+)\.") as caught:
+        stride_frames(duration, 2.0)
+    told = int(str(caught.value).split()[-1].rstrip("."))
+    assert stride_frames(duration, told) >= LEAST_FRAMES
+    with pytest.raises(HopdiffError, match="too low"):
+        stride_frames(duration, told - 2.0 / duration)
