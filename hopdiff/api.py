@@ -19,7 +19,7 @@ from hopdiff.export.write import distinct
 from hopdiff.io.record import prepare_folder
 from hopdiff.job import Run, check_frames, search_run, threads
 from hopdiff.objective import Term
-from hopdiff.search.base import Problem, Search
+from hopdiff.search.base import Problem, Search, check_search
 from hopdiff.search.loop import Budget, OnStep, SearchResult, run_search
 from hopdiff.tasks.export import write_all
 from hopdiff.types import HopdiffError
@@ -64,6 +64,14 @@ def generate(
         f"device='{device}'",
         f"dtype='{dtype}'",
     ]
+    if not isinstance(search, str):
+        check_search(search)
+    if not isinstance(character, str | Mapping):
+        raise HopdiffError(
+            f"character must be the name of a body or a table such as hopdiff.body(), not {character!r}."
+        )
+    if not (costs is None or isinstance(costs, str) or all(isinstance(term, Term) for term in costs)):
+        raise HopdiffError(f"costs must be a name or a list of hopdiff.Term, not {costs!r}.")
     with _one_sentence():
         config = compose(chosen)
         if not isinstance(character, str):
@@ -106,6 +114,8 @@ def save(
     "retarget.skeleton=hero.glb"). GLB, FBX and HTML files hold all the runs, of other kinds there is a file for each.
     Raises HopdiffError with one sentence if a setting cannot be, or a file cannot be written.
     """
+    if strange := [name for name in exports if not isinstance(name, str)]:
+        raise HopdiffError(f"save takes names of exports one by one, save(run, folder, 'glb'), not {strange[0]!r}.")
     with _one_sentence():
         asked = checked(compose([f"export=[{','.join(exports)}]", *settings]))
         wanted = Exports.build(asked.exports, asked.retarget)

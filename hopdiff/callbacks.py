@@ -1,4 +1,4 @@
-"""What Hydra calls during a sweep: a count at its end, and where it is asked for a comparison of its runs."""
+"""What Hydra calls: before a run about its folder, after a sweep to count it and, where it is asked for, compare it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ from omegaconf import DictConfig
 
 from hopdiff.doors import load
 from hopdiff.io.run_folder import COMPLETE, STATUS, RefusedError, read_status
+from hopdiff.messages import plural, say
 from hopdiff.types import HopdiffError
 
 SHOWN = 5  # sentences of runs that failed
+made: list[Path] = []  # the folder of a single run and those above it that were not there before, deepest first
 REFUSED = ".refused"  # file of a sweep with the sentences of jobs that had no folder of their own to keep them in
 
 
@@ -28,6 +30,11 @@ class Sweep(Callback):
 
     def __init__(self, compare: bool = False) -> None:
         self.compare = compare
+
+    def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Note what will be made, before Hydra makes it."""
+        folder = Path(config.hydra.run.dir)
+        made[:] = [one for one in (folder, *folder.parents) if not one.exists()]
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Forget what an earlier sweep into this folder refused."""
@@ -60,16 +67,23 @@ class Sweep(Callback):
                 # Hydra turns any other exception of a callback into a warning.
                 sys.exit(1)
         counts = ", ".join(f"{count} {status}" for status, count in ended.items())
-        print(f"{sum(ended.values())} runs in {sweep}: {counts}.", flush=True)
+        say(f"{plural(sum(ended.values()), 'run')} in {sweep}: {counts}.")
         if failed:
             for line in said[:SHOWN]:
                 print(f"hopdiff: {line}", file=sys.stderr)
             more = f" (and {len(said) - SHOWN} more)" if len(said) > SHOWN else ""
-            print(
-                f"hopdiff: {failed} of the runs are not complete{more}: their status.json says why. The same command"
-                f" with hydra.sweep.dir={sweep} makes only these.",
-                file=sys.stderr,
-            )
+            advice = []
+            if missing := failed - ended["refused"]:
+                advice.append(
+                    f"{missing} of the runs are not complete{more}: their status.json says why. The same command with"
+                    f" hydra.sweep.dir={sweep} makes only these."
+                )
+            if ended["refused"]:
+                advice.append(
+                    f"{ended['refused']} of the runs were not made: a run with other settings has their folder. Take"
+                    " another hydra.sweep.dir, or overwrite=true."
+                )
+            print(f"hopdiff: {' '.join(advice)}", file=sys.stderr)
             sys.exit(1)
 
 

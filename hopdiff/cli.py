@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -17,6 +17,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from hopdiff import __version__, callbacks
 from hopdiff.composing import HYDRA_BASE, as_typed, register_choices, with_new_names
 from hopdiff.doors import config_folder, load
 from hopdiff.errors import sentence
@@ -37,6 +38,9 @@ def main() -> int:
     """
     wish = os.environ.get("HYDRA_FULL_ERROR")
     os.environ["HYDRA_FULL_ERROR"] = "1"  # so that Hydra hands its errors over instead of printing them
+    if "--version" in sys.argv[1:]:
+        print(f"hopdiff {__version__} (Hydra {hydra.__version__})")
+        return 0
     sys.argv[1:] = with_new_names(sys.argv[1:])
     try:
         register_choices()
@@ -65,7 +69,7 @@ def job(config: DictConfig) -> None:
         with _sigterm_interrupts():
             interrupted = load("hopdiff.perform", "perform")(config, folder, words, resume=sweep)
     except BaseException as error:
-        _remove_if_empty(folder)
+        _remove_if_empty([folder, folder.parent] if sweep else callbacks.made)
         if not isinstance(error, Exception):
             raise
         said = sentence(error)  # here, where Hydra still knows which files were chosen
@@ -108,8 +112,9 @@ def _report(error: BaseException | None, said: str | None, trace: bool) -> int:
     return 1
 
 
-def _remove_if_empty(folder: Path) -> None:
-    for empty in (folder, folder.parent):
+def _remove_if_empty(folders: Iterable[Path]) -> None:
+    """Remove folders, the deepest first, up to one that holds something."""
+    for empty in folders:
         try:
             empty.rmdir()
         except OSError:

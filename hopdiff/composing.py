@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
 from omegaconf import BooleanNode, DictConfig, FloatNode, IntegerNode, OmegaConf
 
-from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, config_folder, load, loaded
+from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, Door, config_folder, load, loaded
 from hopdiff.extras import missing_extras
 from hopdiff.messages import typed_names
 from hopdiff.types import HopdiffError
@@ -35,6 +37,10 @@ KINDS: dict[str, type] = {
 
 # Hydra 1.4 drops the argument that 1.3 asks for.
 HYDRA_BASE: dict[str, Any] = {"version_base": None} if hydra.__version__ < "1.4" else {}
+
+
+# Of a path in the name of a folder; here, so that processes that a sweep starts know it too.
+OmegaConf.register_new_resolver("stem", lambda text: Path(str(text)).stem, replace=True)
 
 
 def with_new_names(words: Sequence[str]) -> list[str]:
@@ -56,7 +62,7 @@ def as_typed(text: str) -> str:
 def register_choices() -> None:
     """Tell Hydra of what kind the shared settings are, and what installed packages bring, to be chosen like our files.
 
-    Raises HopdiffError if a character or task of another package cannot be loaded.
+    A character or task of another package that cannot be loaded is left out, with a line on stderr.
     """
     store = ConfigStore.instance()
     store.store(name="schema", node=OmegaConf.create({name: kind("???") for name, kind in KINDS.items()}))
@@ -70,13 +76,29 @@ def register_choices() -> None:
     for name in FORMATS.brought:
         store.store(group="export", name=name, package=f"exports.{name}", node={"kind": name})
     for name, point in CHARACTERS.brought.items():
-        body = loaded(CHARACTERS.what, point)
-        if not isinstance(body, Mapping):
-            raise HopdiffError(f"the character {name!r} of another package is no table of settings: {body!r}.")
-        store.store(group="character", name=name, node={"name": name, **body})
+        body = _brought(CHARACTERS, point)
+        if isinstance(body, Mapping):
+            store.store(group="character", name=name, node={"name": name, **body})
+        elif body is not None:
+            _warn(f"the character {name!r} of another package is no table of settings: {body!r}.")
     for name, point in TASKS.brought.items():
-        own = getattr(loaded(TASKS.what, point), "defaults", {})
+        if (task := _brought(TASKS, point)) is None:
+            continue
+        own = getattr(task, "defaults", {})
         store.store(group="task", name=name, package="_global_", node={"task": {"name": name, "label": name}, **own})
+
+
+def _brought(door: Door, point: EntryPoint) -> Any:
+    """What a package brings; None, with a line on stderr, where it is broken, which stops nobody else's commands."""
+    try:
+        return loaded(door.what, point)
+    except HopdiffError as error:
+        _warn(str(error))
+        return None
+
+
+def _warn(sentence: str) -> None:
+    print(f"hopdiff: left out: {sentence}", file=sys.stderr)
 
 
 def compose(overrides: Sequence[str] = ()) -> DictConfig:
@@ -90,6 +112,13 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
             return hydra.compose("config", with_new_names(overrides))
     finally:
         GlobalHydra.instance().hydra = outer
+
+
+def choices_of(group: str) -> list[str]:
+    """The names of a group, those of installed packages included."""
+    node = ConfigStore.instance().repo.get(group, {})
+    names = {Path(name).stem for name in (*node, *(path.name for path in (config_folder() / group).glob("*.yaml")))}
+    return sorted(name for name in names if not name.startswith("of_"))
 
 
 def known_settings(key: str = "") -> list[str]:
@@ -154,9 +183,16 @@ def own_file(words: Sequence[str]) -> str | None:
         for group, chosen in runtime.choices.items():
             for name in [chosen] if isinstance(chosen, str) else list(chosen or []):
                 path = folder / group / f"{name}.yaml"
-                if path.is_file() and ((_set_in(path, group) - typed) & set(words)):
+                if path.is_file() and (
+                    ((_set_in(path, group) - typed) & set(words)) or _lacking(path, group, set(words) - typed)
+                ):
                     return f"{group}/{name}.yaml"
     return None
+
+
+def _lacking(path: Path, group: str, words: set[str]) -> bool:
+    """Whether a file of a group leaves out one of these settings, which all others of its group have."""
+    return any(word.startswith(f"{group}.") and word not in _set_in(path, group) for word in words)
 
 
 def _set_in(path: Path, group: str) -> set[str]:

@@ -120,6 +120,8 @@ def check_names(config: DictConfig, *schemas: type) -> None:
 
 def unknown_setting(name: str) -> str:
     """The sentence for a setting that there is not."""
+    if package := {"experiment": "_global_", "export": "exports.NAME"}.get(name):
+        return f"A file of {name}/ lacks its first line: # @package {package}"
     if task := task_of(name):
         return f"{name} is a setting of task={task}: add task={task}."
     return f"Unknown setting {name!r}.{near(name, known_settings(name))}"
@@ -155,7 +157,7 @@ def with_saved(config: DictConfig, saved: Mapping[str, Any], typed_names: Sequen
         typed(result, Config)
     except OmegaConfBaseException as error:
         name = f"{error.full_key}: " if error.full_key else ""
-        raise HopdiffError(f"The genes file has settings that do not fit: {name}{one_line(error)}.") from error
+        raise HopdiffError(f"it has settings that do not fit: {name}{one_line(error)}.") from error
     if any(name.split(".")[0] in OF_LEAST for name in typed_names) and OmegaConf.select(result, "costs.least"):
         # The least run of another body or speed tells nothing here.
         OmegaConf.update(result, "costs.least", {"external_work": None, "contact_time": None})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import traceback
 
 from hydra.errors import ConfigCompositionException, MissingConfigException, OverrideParseException
@@ -14,8 +15,10 @@ from omegaconf.errors import (
     ValidationError,
 )
 from yaml import MarkedYAMLError
+from yaml.reader import ReaderError
 
-from hopdiff.composing import known_settings, own_file, task_of
+from hopdiff.composing import choices_of, known_settings, own_file, task_of
+from hopdiff.doors import config_folder
 from hopdiff.extras import of_launcher
 from hopdiff.messages import near, one_line, unknown
 from hopdiff.types import HopdiffError
@@ -52,6 +55,12 @@ def _sentence(error: BaseException) -> str | None:
             return _composition(error)
         case OmegaConfBaseException():
             return _setting(error, str(error.full_key or ""), str(error))
+        case UnicodeDecodeError() | ReaderError():
+            return f"One of the YAML files that were chosen is not text (UTF-8): {one_line(error).rstrip('.')}."
+        case ValueError() if "integer string conversion" in str(error):
+            return _endless_number()
+        case _ if "Config group override must be a string or a list" in str(error):
+            return _number_for_name()
         case MarkedYAMLError():
             mark = error.problem_mark
             where = f"{mark.name}, line {mark.line + 1}" if mark else "A configuration file"
@@ -72,11 +81,8 @@ def _sentence(error: BaseException) -> str | None:
 
 def _missing_choice(error: MissingConfigException) -> str:
     group, _, name = str(error.missing_cfg_file or "").rpartition("/")
-    if group and not error.options:  # one of a list of choices, whose settings are called after them
-        choices = {
-            setting.split(".")[1] for setting in known_settings(f"{group}s.") if setting.startswith(f"{group}s.")
-        }
-        return unknown(group, name, choices)
+    if group and not error.options:  # one of a list of choices, or the default of a file
+        return unknown(group, name, choices_of(group))
     if not error.options:
         return f"Unknown group {group or name!r}: python -m hopdiff --help lists the groups."
     return unknown(group, name, error.options)
@@ -124,7 +130,24 @@ def _setting(error: OmegaConfBaseException, key: str, text: str) -> str:
         return f"{key} needs a value, not null."
     if "Missing mandatory value" in text:
         return f"{key} needs a value."
-    return f"{key}: {text.strip().splitlines()[0].rstrip('.')}."
+    first = text.strip().splitlines()[0].rstrip(".")
+    return f"{key}: {first}." if key else f"{first}."
+
+
+def _endless_number() -> str:
+    """For digits that Python refuses to read."""
+    named = [word.partition("=")[0] for word in sys.argv[1:] if re.search(r"\d{4000}", word)]
+    return f"{named[0] if named else 'A setting of a YAML file'} is a number of too many digits."
+
+
+def _number_for_name() -> str:
+    """For a group that was given a number, as search=3."""
+    for word in sys.argv[1:]:
+        group, _, value = word.lstrip("+").partition("=")
+        number = re.fullmatch(r"[-+.\d]\S*|nan|inf|true|false|null", value, re.IGNORECASE)
+        if number and (config_folder() / group).is_dir():
+            return unknown(group, value, choices_of(group))
+    return "A choice must be a name, not a number."
 
 
 def _raised_abroad(error: BaseException) -> bool:

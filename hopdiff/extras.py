@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import NamedTuple
 
 FOLDER = "HOPDIFF_FOLDER"  # see conf/hydra/launcher/ray_cluster.yaml
@@ -40,7 +41,9 @@ def of_launcher(text: str) -> str | None:
 
 
 def install(name: str) -> str:
-    """The command that brings an extra."""
+    """The command that brings an extra: in a checkout with the versions that were tested."""
+    if (Path(__file__).resolve().parents[1] / "constraints.txt").is_file():
+        return f"pip install -c constraints.txt -e '.[{name}]'"
     return f"pip install 'hopdiff[{name}]'"
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import sys
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
@@ -32,6 +34,20 @@ def choose(what: str, name: str, choices: Iterable[str]) -> str:
     if name not in (known := list(choices)):
         raise HopdiffError(unknown(what, name, known))
     return name
+
+
+def plural(count: int, word: str) -> str:
+    """1 run, 2 runs."""
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
+def say(*lines: str) -> None:
+    """Print lines, though whoever reads them may have gone, as `| head` does."""
+    try:
+        print(*lines, sep="\n", flush=True)
+    except BrokenPipeError:
+        # What Python has left to print at its end goes nowhere either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def typed_names(overrides: Sequence[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,6 +30,27 @@ class Term:
     value: Callable[[Any], Tensor]
     put_in: str = "own"
     view: str = "body"
+
+    def __post_init__(self) -> None:
+        if self.view not in VIEWS:
+            raise HopdiffError(f"the view of the cost term {self.name!r} must be body or hopper, not {self.view!r}.")
+        if not (isinstance(self.weight, int | float) and 0.0 <= self.weight < math.inf):
+            raise HopdiffError(f"the weight of the cost term {self.name!r} must be 0 or more, not {self.weight!r}.")
+
+
+def priced(terms: Iterable[Term], seen: Any, count: int) -> dict[str, Tensor]:
+    """Weight times value of every term, (P,) each, by name. seen: what they read of P = `count` candidates.
+
+    Raises HopdiffError for a term that returns something else.
+    """
+    found = {}
+    for term in terms:
+        value = term.value(seen)
+        if not (isinstance(value, Tensor) and value.shape == (count,)):
+            shape = tuple(value.shape) if isinstance(value, Tensor) else type(value).__name__
+            raise HopdiffError(f"the cost term {term.name!r} must return a tensor of shape ({count},), not {shape}.")
+        found[term.name] = term.weight * value
+    return found
 
 
 def with_brought(

@@ -13,6 +13,7 @@ from hopdiff.doors import TASKS, load
 from hopdiff.io.record import write_record
 from hopdiff.io.run_folder import is_complete, opened
 from hopdiff.job import threads
+from hopdiff.messages import say
 
 
 def perform(config: DictConfig, folder: Path, command: Sequence[str], resume: bool = False) -> bool:
@@ -27,7 +28,7 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str], resume: bo
     task = TASKS.load(settings.task.name, "task.name")
     call = task.call(config, settings, folder, command)
     if resume and not settings.overwrite and is_complete(folder, call.plain):
-        print(f"{folder.name}: complete already.", flush=True)
+        say(f"{folder.name}: complete already.")
         return False
     with threads(settings.threads):
         work = task.build(call)

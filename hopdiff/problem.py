@@ -18,7 +18,7 @@ from hopdiff.models.gait import Gait, stride_motion
 from hopdiff.models.trajectory import Trajectory
 from hopdiff.motion import Motion
 from hopdiff.numerics import gradient_of_each
-from hopdiff.objective import Term, with_brought
+from hopdiff.objective import Term, priced, with_brought
 from hopdiff.search.base import Eval
 from hopdiff.types import HopdiffError, Status, check_asked
 
@@ -117,7 +117,7 @@ class RunProblem:
         raw = costs.energy_rate_raw(trajectory, self.character)
         energy = raw / self.ordinary.energy_unit
         judged = Judged(genes, trajectory, gamma, energy)
-        terms = {term.name: term.weight * term.value(judged) for term in self.terms}
+        terms = priced(self.terms, judged, len(genes))
         excess = costs.excesses(trajectory, self.character, s.limits)
         terms["penalty"] = costs.penalty(excess, s.limits)
         merit = torch.stack(list(terms.values())).sum(0)

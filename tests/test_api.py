@@ -67,6 +67,10 @@ def test_generate_leaves_pytorch_and_hydra_as_they_were() -> None:
         ({"dtype": "float16"}, "Unknown dtype 'float16'"),
         ({"evaluations": 0}, "budget.evaluations"),
         ({"settings": ("search.popsize=3",)}, "Unknown setting of search gradient 'popsize'"),
+        ({"search": object()}, "a search is an object with name, init, ask and tell"),
+        ({"search": int}, "a search is an object with name, init, ask and tell"),
+        ({"character": [1]}, "character must be the name of a body or a table"),
+        ({"costs": [1]}, "costs must be a name or a list of hopdiff.Term"),
     ],
 )
 def test_mistakes_are_hopdiff_errors(arguments: dict, says: str) -> None:

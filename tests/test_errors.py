@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import hopdiff
 from hopdiff.cli import main
 from hopdiff.composing import compose
 from hopdiff.doors import config_folder
@@ -236,3 +237,75 @@ def test_a_cluster_that_is_not_there_is_one_sentence() -> None:
         "hydra/launcher=ray_cluster: Could not find any running Ray instance. Please specify the one to connect to."
     )
     assert sentence(ConnectionError("reset by peer")) is None
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_a_mistake_leaves_folders_as_they_were(kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder of the user's own stays, and of one that is not there none of those above it."""
+    folder = tmp_path / "deep" / "er" / "run"
+    if kept:
+        folder.mkdir(parents=True)
+    assert run_main(monkeypatch, "model=smooth", "speed=-1", f"hydra.run.dir={folder}") == 1
+    assert folder.is_dir() == kept
+    assert (tmp_path / "deep").exists() == kept
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("export=[glbx]",), "Unknown export 'glbx': choose one of blend"),
+        (("search=3",), "Unknown search '3': choose one of cmaes, ga"),
+        (("character=1.5",), "Unknown character '1.5': choose one of cartoon, child, human."),
+        (("speed=" + "9" * 5000,), "speed is a number of too many digits."),
+        (("seed=" + "9" * 5000,), "seed is a number of too many digits."),
+    ],
+    ids=lambda value: str(value)[:30],
+)
+def test_numbers_and_names_in_the_wrong_place(
+    words: tuple[str, ...],
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run_main(monkeypatch, *words, f"hydra.run.dir={tmp_path / 'run'}") == 1
+    assert says.partition(" blend")[0] in only_sentence(capsys)
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "says"),
+    [
+        ("character/bin.yaml", b"\xff\xfe\x00bad", "not text (UTF-8)"),
+        ("character/list.yaml", b"- 1\n", "character/list.yaml: Cannot merge DictConfig with ListConfig"),
+        ("character/poor.yaml", b"name: poor\nheight: 1.7\n", "character/poor.yaml: character.mass"),
+        ("experiment/bare.yaml", b"speed: 3\n", "A file of experiment/ lacks its first line: # @package _global_"),
+        ("character/human2.yaml", b"defaults: [humann, _self_]\n", "Unknown character 'humann': choose one of cartoon"),
+    ],
+)
+def test_files_of_ones_own_that_cannot_be(
+    file: str,
+    text: bytes,
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "own" / file
+    path.parent.mkdir(parents=True)
+    path.write_bytes(text)
+    plus = "+" if file.startswith("experiment") else ""
+    words = ("--config-dir", str(tmp_path / "own"), f"{plus}{path.parent.name}={path.stem}")
+    assert run_main(monkeypatch, *words, f"hydra.run.dir={tmp_path / 'run'}") == 1
+    assert says in only_sentence(capsys)
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_version_is_that_of_hopdiff(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_main(monkeypatch, "--version") == 0
+    assert capsys.readouterr().out.startswith(f"hopdiff {hopdiff.__version__} (Hydra ")
+
+
+def test_the_name_of_a_folder_holds_no_path_of_a_scene() -> None:
+    assert compose(["task=navigate", "scene=/home/me/own.yaml"]).task.label == "navigate_own"
+    assert compose(["task=navigate"]).task.label == "navigate_two_rooms"

@@ -57,8 +57,8 @@ def test_help_names_what_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pyt
         main()
     page = capsys.readouterr().out
     assert "Not installed here" in page
-    assert "pip install 'hopdiff[ray]'" in page
-    assert "hopdiff[slurm]" not in page
+    assert "pip install -c constraints.txt -e '.[ray]'" in page
+    assert "[slurm]" not in page
     without(monkeypatch)
     assert missing_extras() == ""
     with pytest.raises(SystemExit):
@@ -77,7 +77,7 @@ def test_a_launcher_that_is_missing_names_its_extra(
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert said.startswith(f"hopdiff: hydra/launcher={'ray' if extra == 'ray' else launcher}")
-    assert said.endswith(f" needs the extra: pip install 'hopdiff[{extra}]'.\n")
+    assert said.endswith(f" needs the extra: pip install -c constraints.txt -e '.[{extra}]'.\n")
     assert not list(tmp_path.iterdir())
 
 
@@ -126,3 +126,8 @@ def test_a_worker_goes_where_it_is_told(tmp_path: Path, monkeypatch: pytest.Monk
         assert getattr(importlib.import_module(module), name) is enter_folder
     enter_folder()
     assert Path.cwd() == tmp_path
+
+
+def test_outside_of_a_checkout_an_extra_is_that_of_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hopdiff.extras, "__file__", str(tmp_path / "hopdiff" / "extras.py"))
+    assert hopdiff.extras.install("ray") == "pip install 'hopdiff[ray]'"

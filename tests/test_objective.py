@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import pytest
 import torch
 
 from hopdiff.choices import build_costs
-from hopdiff.objective import Term, with_brought
+from hopdiff.objective import Term, priced, with_brought
 from hopdiff.problem import RunProblem
 from hopdiff.types import HopdiffError
 from tests.builders import make_problem, settings_of, valid_genes
@@ -70,3 +73,31 @@ def test_what_cannot_be_weighed_is_refused(
 def test_a_number_of_no_setting_is_taken_for_a_weight() -> None:
     costs = build_costs({**settings_of("costs", "default"), "theirs": 2}, "smooth")
     assert costs.extra == {"theirs": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"view": "foo"}, "the view of the cost term 'high' must be body or hopper, not 'foo'"),
+        ({"weight": math.nan}, "the weight of the cost term 'high' must be 0 or more, not nan"),
+        ({"weight": -1.0}, "the weight of the cost term 'high' must be 0 or more, not -1.0"),
+        ({"weight": "much"}, "the weight of the cost term 'high' must be 0 or more, not 'much'"),
+    ],
+)
+def test_terms_that_make_no_sense_are_refused(changed: dict[str, Any], says: str) -> None:
+    with pytest.raises(HopdiffError, match=says):
+        Term(**{"name": "high", "weight": 1.0, "value": torch.zeros_like, **changed})
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        (lambda seen: 1.0, "float"),
+        (lambda seen: torch.zeros(2, 3), r"\(2, 3\)"),
+        (lambda seen: torch.zeros(()), r"\(\)"),
+    ],
+)
+def test_a_term_returns_a_number_for_each_candidate(value: Any, told: str) -> None:
+    with pytest.raises(HopdiffError, match=rf"the cost term 'high' must return a tensor of shape \(2,\), not {told}"):
+        priced([Term("high", 1.0, value)], None, 2)
+    assert priced([Term("high", 3.0, lambda seen: torch.ones(2))], None, 2)["high"].tolist() == [3.0, 3.0]

@@ -18,7 +18,7 @@ from hopdiff.effort.terms import ORDINARY_BETA, Asked, Muscles, energy_rate, ene
 from hopdiff.genes import GeneTable, at_froude, froude_speed
 from hopdiff.motion import Motion
 from hopdiff.numerics import GRAVITY, gradient_of_each
-from hopdiff.objective import Term, with_brought
+from hopdiff.objective import Term, priced, with_brought
 from hopdiff.search.base import Eval
 from hopdiff.search.gradient import Gradient
 from hopdiff.search.loop import Budget, run_search
@@ -166,7 +166,7 @@ class BodyProblem:
 
     def price(self, run: Priced) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         """Merit (P,), its terms with their weights, and the status (P,)."""
-        terms = {term.name: term.weight * term.value(run) for term in self.terms}
+        terms = priced(self.terms, run, len(run.moved))
         over: list[Excess] = excesses(run, self.settings.limits)
         terms["penalty"] = self.settings.limits.weight * penalty(over)
         merit = torch.stack(list(terms.values())).sum(0)

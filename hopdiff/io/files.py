@@ -63,6 +63,8 @@ def read_json(path: str | os.PathLike[str]) -> Any:
         raise HopdiffError(f"{path}, line {error.lineno}: not JSON ({error.msg}, column {error.colno}).") from error
     except RecursionError as error:
         raise HopdiffError(f"{path}: not a sensible JSON file (nested too deeply).") from error
+    except ValueError as error:
+        raise HopdiffError(f"{path}: not a sensible JSON file (a number of too many digits).") from error
 
 
 def _reason(error: OSError) -> str:

@@ -52,6 +52,8 @@ def read_genes(path: Path) -> GenesFile:
         raise HopdiffError(f"{where} is not a JSON file: {error.msg} in line {error.lineno}.") from error
     except RecursionError as error:
         raise HopdiffError(f"{where} is nested too deeply to be a genes file.") from error
+    except ValueError as error:
+        raise HopdiffError(f"{where} holds a number of too many digits.") from error
     if not isinstance(content, dict) or not isinstance(content.get("genes"), dict):
         raise HopdiffError(f'{where} lacks its table of genes: {{"genes": {{name: {{"value": ..., "unit": ...}}}}}}.')
     version = content.get("version", VERSION)

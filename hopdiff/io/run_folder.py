@@ -50,7 +50,10 @@ class Note:
 
 @dataclass
 class RunFolder:
-    """A folder that this process writes in, until the block of `opened` ends. notes: as they turn up."""
+    """A folder that this process writes in, until the block of `opened` ends. notes: as they turn up.
+
+    others: names of files that lay there before, which are not the run's.
+    """
 
     path: Path
     task: str
@@ -58,12 +61,13 @@ class RunFolder:
     identity: str
     notes: list[Note] = field(default_factory=list)
     interrupted: bool = False
+    others: frozenset[str] = frozenset()
     started: str = field(default_factory=lambda: _now())
 
     def write(self, status: str, sentence: str | None = None) -> None:
         """Write `status.json`."""
         ended = None if status == RUNNING else _now()
-        files = sorted(path.name for path in self.path.iterdir() if path.is_file() and not path.name.startswith("."))
+        files = sorted(name for name in _files_in(self.path) if name in WRITTEN or name not in self.others)
         content = {
             "version": VERSION,
             "status": status,
@@ -132,12 +136,13 @@ def opened(
     try:
         if not fresh:
             _make_room(folder, identity, overwrite)
-        run = RunFolder(folder, task, command, identity)
+        run = RunFolder(folder, task, command, identity, others=frozenset(_files_in(folder)))
         run.write(RUNNING)
         try:
             yield run
         except KeyboardInterrupt:
-            run.write(INTERRUPTED, "Interrupted before anything was found.")
+            found = any((folder / name).is_file() for name in ("genes.json", "metrics.json"))
+            run.write(INTERRUPTED, _HALF if found else "Interrupted before anything was found.")
             raise
         except BaseException as error:
             said = str(error) if isinstance(error, HopdiffError) else f"{type(error).__name__}: {error}"
@@ -150,12 +155,14 @@ def opened(
 
 
 _BEST = "The search was broken off: this is the best run that it had found."
+_HALF = "Interrupted while its files were written: what has a name here is whole, others are missing."
 
 
 def record_failure(folder: Path, task: str, command: Sequence[str], settings: Mapping[str, Any], said: str) -> None:
     """Say in the folder of a job why it could not begin."""
     prepare_folder(folder)
-    RunFolder(folder, task, command, identity_of(settings)).write(FAILED, said)
+    others = frozenset(_files_in(folder))
+    RunFolder(folder, task, command, identity_of(settings), others=others).write(FAILED, said)
 
 
 def _make_room(folder: Path, identity: str, overwrite: bool) -> None:
@@ -204,6 +211,10 @@ def _in_use(folder: Path) -> bool:
         return False
     lock.release()
     return False
+
+
+def _files_in(folder: Path) -> list[str]:
+    return [path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")]
 
 
 def _now() -> str:

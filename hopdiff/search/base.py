@@ -11,6 +11,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import torch
 from torch import Tensor
 
+from hopdiff.types import HopdiffError
+
 
 class Eval(NamedTuple):
     """What a population costs.
@@ -69,3 +71,10 @@ class Search(Protocol):
     def ask(self, state: Any, generator: torch.Generator) -> tuple[Tensor, bool]: ...
 
     def tell(self, state: Any, genes: Tensor, result: Eval, generator: torch.Generator) -> Any: ...
+
+
+def check_search(search: Any) -> None:
+    """Raises HopdiffError for what does not keep the contract `Search`, as a class in the place of an object of it."""
+    whole = all(callable(getattr(search, part, None)) for part in ("init", "ask", "tell"))
+    if isinstance(search, type) or not (whole and isinstance(getattr(search, "name", None), str)):
+        raise HopdiffError(f"a search is an object with name, init, ask and tell (hopdiff.Search), not {search!r}.")

@@ -7,12 +7,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
-from hopdiff.search.base import Eval, Problem, Search
+from hopdiff.search.base import Eval, Problem, Search, check_search
 from hopdiff.types import HopdiffError, Status
 
 
@@ -31,7 +31,7 @@ class Budget:
     target: float | None = None
 
     def __post_init__(self) -> None:
-        if self.evaluations < 1:
+        if not self.evaluations >= 1:
             raise HopdiffError(f"budget.evaluations must be at least 1, not {self.evaluations}.")
         if not (math.isfinite(self.gradient_price) and self.gradient_price >= 0):
             raise HopdiffError(f"budget.gradient_price must be a number of 0 or more, not {self.gradient_price}.")
@@ -108,12 +108,13 @@ def run_search(
     Ctrl-C ends it too: the best so far is returned, or KeyboardInterrupt raised again if there is none.
     Raises HopdiffError if no valid candidate turned up.
     """
+    check_search(search)
     ledger = _Ledger(problem, budget)
     interrupted = False
     try:
         state = search.init(problem, generator)
         while not ledger.reached_target:
-            genes, with_grad = search.ask(state, generator)
+            genes, with_grad = _asked(search.ask(state, generator), problem.dimension)
             rows = min(len(genes), budget.affordable(ledger.spent, with_grad))
             if rows == 0:
                 break
@@ -134,6 +135,17 @@ def run_search(
     if not math.isfinite(ledger.best_cost):
         raise HopdiffError(ledger.failure)
     return ledger.result(interrupted)
+
+
+def _asked(answer: Any, dimension: int) -> tuple[Tensor, bool]:
+    """What a search asked for. Raises HopdiffError if that is no batch of points and a wish for gradients."""
+    if isinstance(answer, tuple) and len(answer) == 2:
+        genes, with_grad = answer
+        if isinstance(genes, Tensor) and genes.ndim == 2 and genes.shape[1] == dimension:
+            return genes, bool(with_grad)
+    raise HopdiffError(
+        f"what a search asks for must be a tensor of shape (P, {dimension}) and whether its gradient is wanted."
+    )
 
 
 def _cleaned(evaluation: Eval) -> Eval:
@@ -172,6 +184,8 @@ class _Ledger:
     def failure(self) -> str:
         reasons = ((count, status) for status, count in self.statuses.items() if status != Status.OK)
         sentence = max(reasons, default=(0, Status.NOT_FINITE))[1].sentence
+        if self.evaluations == 0:
+            return "The search asked for no candidate."
         if self.evaluations == 1:
             return f"The one candidate tried is not a possible run: {sentence}"
         return f"None of the {self.evaluations} candidates tried is a possible run, most often because: {sentence}"

@@ -12,6 +12,7 @@ import torch
 from hopdiff.character import Character
 from hopdiff.io.record import write_json, write_table
 from hopdiff.io.run_folder import RunFolder
+from hopdiff.messages import say
 from hopdiff.numerics import GRAVITY
 from hopdiff.plots.figure import character_figure
 from hopdiff.plots.save import save_figure
@@ -31,7 +32,7 @@ def build(call: Call) -> Work:
         write_json(folder.path / "metrics.json", {"character": character.name, **measures})
         if call.settings.pictures:
             save_figure(character_figure(character), folder.path / "body.png")
-        print(summary(character, measures, rows, folder.path), flush=True)
+        say(summary(character, measures, rows, folder.path))
 
     return work
 

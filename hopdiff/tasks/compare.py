@@ -10,6 +10,7 @@ from statistics import median
 from typing import Any
 
 from hopdiff.io.record import prepare_folder, write_table
+from hopdiff.messages import plural, say
 from hopdiff.runs.folders import BROKEN, RunRecord, Survey, survey, with_history
 from hopdiff.runs.groups import Groups, complete, grouped, problem_of, shown, standings
 from hopdiff.runs.settings import CHOICES
@@ -46,6 +47,7 @@ def build(call: Call) -> Work:
     if runs is None:
         raise HopdiffError("task=compare needs runs=FOLDER, a folder with run folders in it.")
     found = survey(Path(runs))
+    _check_drawn(runs, found, found.runs)
     return lambda folder: compare(Path(runs), folder.path, found)
 
 
@@ -61,9 +63,8 @@ def compare(runs: Path, folder: Path, found: Survey | None = None) -> None:
     found = found or survey(runs)
     records = [with_history(record) if record.status in DRAWN else record for record in found.runs]
     drawn = [record for record in records if record.status in DRAWN]
+    _check_drawn(runs, found, records)
     told = left_out(found, records)
-    if not drawn:
-        raise HopdiffError(f"runs={runs} holds no run that can be compared: {'; '.join(told) or 'it is empty'}.")
     groups = grouped(drawn)
     prepare_folder(folder)
     rows = rows_of(records)
@@ -73,16 +74,18 @@ def compare(runs: Path, folder: Path, found: Survey | None = None) -> None:
     # TensorBoard takes its columns from one folder for all that it shows, which should be these runs and no others.
     beside = folder.resolve().is_relative_to(runs.resolve())
     notes = pictures.draw(folder, groups.records, varied_words(drawn) if beside else {})
-    print("\n".join(group_lines(groups)))
+    say("\n".join(group_lines(groups)))
     for note in [*cautions(groups), *notes, *flags(drawn), *(f"Left out: {phrase}." for phrase in told)]:
-        print(note)
+        say(note)
     count = len({(problem_of(record), record.series) for record in groups.records})
     place = folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
-    print(f"{_plural(len(drawn), 'run')} in {_plural(count, 'group')}; files: {place}", flush=True)
+    say(f"{plural(len(drawn), 'run')} in {plural(count, 'group')}; files: {place}")
 
 
-def _plural(count: int, word: str) -> str:
-    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+def _check_drawn(runs: str | Path, found: Survey, records: Sequence[RunRecord]) -> None:
+    if not any(record.status in DRAWN for record in records):
+        told = "; ".join(left_out(found, records)) or "there is no run folder in it"
+        raise HopdiffError(f"runs={runs} holds no run that can be compared: {told}.")
 
 
 def left_out(found: Survey, records: Iterable[RunRecord]) -> list[str]:

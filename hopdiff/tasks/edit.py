@@ -8,6 +8,7 @@ from typing import Any
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.run_folder import Note, RunFolder
 from hopdiff.job import make_run
+from hopdiff.messages import say
 from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.edit_job import Edit, edit, source_of
 from hopdiff.tasks.edit_request import EditSettings, Request, TargetSettings, request_of
@@ -57,7 +58,7 @@ def write(folder: RunFolder, done: Edit, request: Request, call: Call) -> None:
     """Write and describe an edit. Raises HopdiffError if a file cannot be written."""
     folder.notes = [Note("edit", warning) for warning in done.warnings]
     write_edit(folder.path, done, request, call.plain)
-    print(edit_summary(folder.path, done), flush=True)
+    say(edit_summary(folder.path, done))
 
 
 TASK = Task(build, EditTask, motion=True)

@@ -16,6 +16,7 @@ from hopdiff.io.bvh import read_bvh
 from hopdiff.io.files import read_json
 from hopdiff.io.run_folder import RunFolder
 from hopdiff.job import run_name
+from hopdiff.messages import say
 from hopdiff.runs.folders import find_runs
 from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.results import shown
@@ -43,7 +44,7 @@ def build(call: Call) -> Work:
     def work(folder: RunFolder) -> None:
         written = _rows(write_all(takes, call.exports, folder.path))
         rows = [("motions", _motions(takes)), *written, ("files", shown(folder.path))]
-        print("\n".join(f"{name:<9} {text}" for name, text in rows), flush=True)
+        say("\n".join(f"{name:<9} {text}" for name, text in rows))
 
     return work
 
@@ -94,7 +95,7 @@ def sources_of(run: Any, runs: str | None) -> list[Path]:
 def export_result(folder: Path, exports: Exports) -> None:
     """Write the motion of a run folder that was just made into that folder."""
     rows = _rows(write_all([read_take(folder)], exports, folder))
-    print("\n".join(f"{name:<9} {text}" for name, text in rows), flush=True)
+    say("\n".join(f"{name:<9} {text}" for name, text in rows))
 
 
 def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> list[tuple[Path, Take]]:

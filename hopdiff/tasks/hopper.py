@@ -10,6 +10,7 @@ from typing import Any
 
 from hopdiff.io.record import write_json, write_table
 from hopdiff.io.run_folder import RunFolder
+from hopdiff.messages import say
 from hopdiff.motion import SIDES
 from hopdiff.numerics import GRAVITY
 from hopdiff.physics.hopping import Hopper, Hopping, Legs, first_hop, hop_along, periodic_rate
@@ -106,7 +107,7 @@ def build(call: Call) -> Work:
         if call.settings.pictures:
             figure = hopper_figure(done, settings.leg_length, _title(settings, speed), note)
             save_figure(figure, folder.path / "hopper.png")
-        print(hopper_summary(folder.path, settings, speed, numbers, note), flush=True)
+        say(hopper_summary(folder.path, settings, speed, numbers, note))
 
     return work
 

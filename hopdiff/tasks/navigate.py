@@ -22,7 +22,7 @@ from hopdiff.io.bvh import read_bvh
 from hopdiff.io.events import write_events
 from hopdiff.io.record import write_json
 from hopdiff.io.run_folder import RunFolder
-from hopdiff.messages import choose
+from hopdiff.messages import choose, say
 from hopdiff.plots.rooms import rooms_figure
 from hopdiff.plots.sticks import sticks_figure
 from hopdiff.tasks.base import Call, Task, Work
@@ -102,7 +102,7 @@ def build(call: Call) -> Work:
             pictures = write_pictures(folder.path, figures)
         final = {name: value for name, value in numbers.items() if isinstance(value, float)}
         write_events(folder.path, results=final, pictures=pictures)
-        print(summary(folder.path, numbers), flush=True)
+        say(summary(folder.path, numbers))
 
     return work
 

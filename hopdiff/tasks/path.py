@@ -20,7 +20,7 @@ from hopdiff.effort.problem import BodyProblem
 from hopdiff.io.record import write_table
 from hopdiff.io.run_folder import Note, RunFolder
 from hopdiff.job import Job, Run, make_run
-from hopdiff.messages import typed_names
+from hopdiff.messages import say, typed_names
 from hopdiff.metrics import loop_error, stance_foot_drift
 from hopdiff.models.course import run_along, turning_lean
 from hopdiff.motion import Motion
@@ -85,7 +85,7 @@ def build(call: Call) -> Work:
         run = path_run(job, route, result)
         folder.interrupted, folder.notes = run.interrupted, notes_of(run)
         write_path_run(folder.path, job, route, run, folder.command)
-        print(path_summary(folder.path, run, folder.notes), flush=True)
+        say(path_summary(folder.path, run, folder.notes))
 
     return work
 

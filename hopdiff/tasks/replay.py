@@ -13,7 +13,7 @@ from hopdiff.config import build_job, checked, with_saved
 from hopdiff.io.genes_file import GenesFile, read_genes, unit_genes
 from hopdiff.io.run_folder import RunFolder
 from hopdiff.job import Job, check_frames, make_run
-from hopdiff.messages import typed_names
+from hopdiff.messages import say, typed_names
 from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.notes import notes_of
 from hopdiff.tasks.results import summary, write_run
@@ -38,7 +38,11 @@ def build(call: Call) -> Work:
         raise HopdiffError("+experiment has no effect with task=replay: type single settings, as limp.amount=0.3.")
     file = read_genes(Path(call.own.genes_file))
     original = original_body(call.config, file)
-    job = build_job(with_saved(call.config, file.settings, typed))
+    try:
+        merged = with_saved(call.config, file.settings, typed)
+    except HopdiffError as error:
+        raise HopdiffError(f"genes_file {str(file.path)!r}: {error}") from error
+    job = build_job(merged)
     check_frames(job)
     genes = possible_genes(job, file, original)
 
@@ -48,8 +52,8 @@ def build(call: Call) -> Work:
         write_run(folder.path, job, done, folder.command)
         unit = zip(job.table.names, genes.tolist(), strict=True)
         if outside := [name for name, value in unit if not 0 <= value <= 1]:
-            print(f"Outside the range of a search on this body at this speed: {', '.join(outside)}.", flush=True)
-        print(summary(folder.path, job, done, folder.notes), flush=True)
+            say(f"Outside the range of a search on this body at this speed: {', '.join(outside)}.")
+        say(summary(folder.path, job, done, folder.notes))
 
     return work
 

@@ -9,6 +9,7 @@ from tqdm import tqdm
 
 from hopdiff.io.run_folder import RunFolder
 from hopdiff.job import Job, check_frames, find, make_run
+from hopdiff.messages import say
 from hopdiff.search.loop import HistoryRow, OnStep, SearchResult
 from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.notes import notes_of
@@ -27,7 +28,7 @@ def build(call: Call) -> Work:
         found = make_run(job, result.best_genes, result)
         folder.interrupted, folder.notes = found.interrupted, notes_of(found)
         write_run(folder.path, job, found, folder.command)
-        print(summary(folder.path, job, found, folder.notes), flush=True)
+        say(summary(folder.path, job, found, folder.notes))
 
     return work
 
@@ -37,7 +38,7 @@ def searched(job: Job) -> SearchResult:
     with progress(job.budget.evaluations) as on_step:
         result = find(job, on_step)
     if result.interrupted:
-        print("Interrupted: this is the best run so far.", flush=True)
+        say("Interrupted: this is the best run so far.")
     return result
 
 

@@ -190,3 +190,39 @@ def test_sigterm_keeps_the_best_run_so_far(tmp_path: Path) -> None:
     told = status(tmp_path / "run")
     assert told["status"] == "interrupted"
     assert {"genes.json", "metrics.json", "history.csv", "motion.bvh"} <= set(told["files"])  # type: ignore[call-overload]
+
+
+def test_files_that_lay_there_before_are_not_the_runs(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    (tmp_path / "motion.bvh").write_text("of another program")
+    for overwrite in (False, True):
+        with opened(tmp_path, "run", [], SETTINGS | {"overwrite": overwrite}, overwrite):
+            (tmp_path / "motion.bvh").write_text("ours")
+            (tmp_path / "hero.glb").write_text("exported")
+        assert status(tmp_path)["files"] == ["hero.glb", "motion.bvh"]
+        assert (tmp_path / "mine.txt").read_text() == "mine"
+    record_failure(tmp_path, "run", [], SETTINGS, "No luck.")
+    assert "mine.txt" not in status(tmp_path)["files"]  # type: ignore[operator]
+
+
+def test_ctrl_c_after_the_search_says_what_is_there(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), opened(tmp_path, "run", [], SETTINGS):
+        (tmp_path / "genes.json").write_text("{}")
+        raise KeyboardInterrupt
+    assert "while its files were written" in str(status(tmp_path)["sentence"])
+
+
+def test_a_reader_that_has_gone_does_not_fail_the_run(tmp_path: Path) -> None:
+    """As `| head -1` does: what is printed last finds nobody to read it."""
+    words = ["model=smooth", "search=ordinary", "pictures=false", f"hydra.run.dir={tmp_path / 'run'}"]
+    done = subprocess.run(
+        f"{sys.executable} -m hopdiff {' '.join(words)} | true; exit ${{PIPESTATUS[0]}}",
+        shell=True,
+        executable="/bin/bash",
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert status(tmp_path / "run")["status"] == "complete"

@@ -176,3 +176,30 @@ def test_failure_counts_and_names_the_commonest_reason():
 def test_wrong_budgets_are_named(name, value):
     with pytest.raises(HopdiffError, match=rf"^budget\.{name} must be"):
         Budget(**{name: value})
+
+
+@pytest.mark.parametrize("search", [object(), Random, "ga"], ids=["no search", "a class", "a name"])
+def test_what_is_no_search_is_told(search):
+    with pytest.raises(HopdiffError, match="a search is an object with name, init, ask and tell"):
+        run_search(problems.Function(problems.sphere().f, 3), search, Budget(10), seeded())
+
+
+@pytest.mark.parametrize(
+    "asked", [None, [0.5], (torch.zeros(4, 2), True), (torch.zeros(3), True), ([[0.5] * 3], False)], ids=str
+)
+def test_what_is_no_batch_of_points_is_told(asked):
+    class Strange(Random):
+        def ask(self, state, generator):
+            return asked
+
+    with pytest.raises(HopdiffError, match=r"must be a tensor of shape \(P, 3\) and whether its gradient is wanted"):
+        run_search(problems.Function(problems.sphere().f, 3), Strange(), Budget(10), seeded())
+
+
+def test_a_search_that_asks_for_nothing_is_told():
+    class Silent(Random):
+        def ask(self, state, generator):
+            return torch.zeros(0, 3, dtype=torch.float64), False
+
+    with pytest.raises(HopdiffError, match=r"The search asked for no candidate\."):
+        run_search(problems.Function(problems.sphere().f, 3), Silent(), Budget(10), seeded())

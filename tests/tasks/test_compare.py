@@ -149,7 +149,7 @@ def test_it_stops_only_if_nothing_is_left(tmp_path: Path) -> None:
     with pytest.raises(HopdiffError, match=r"holds no run that can be compared: 0: failed \(No run at 0.2 m/s\); 1: "):
         compare(tmp_path / "runs", tmp_path / "out")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(HopdiffError, match="holds no run that can be compared: it is empty"):
+    with pytest.raises(HopdiffError, match="holds no run that can be compared: there is no run folder in it"):
         compare(tmp_path / "empty", tmp_path / "out")
     with pytest.raises(HopdiffError, match=r"runs=.*nowhere is not a folder"):
         compare(tmp_path / "nowhere", tmp_path / "out")

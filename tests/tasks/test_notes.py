@@ -30,7 +30,7 @@ def run() -> Run:
     ],
 )
 def test_energy_off_its_target(run: Run, beta: float, target: float, reached: float, says: str | None) -> None:
-    asked = {"beta": beta, "energy_target": target, "energy_rate": reached}
+    asked = {"beta": beta, "energy_target": target, "energy_rate": reached, "evaluations": 100}
     notes = notes_of(replace(run, metrics=run.metrics | asked))
     assert [note.flag for note in notes] == ([] if says is None else ["energy_off_target"])
     assert says is None or notes[0].sentence.startswith(says)
@@ -58,3 +58,11 @@ def test_too_few_frames_are_found_before_the_search(
     assert main() == 1
     assert "fps=5 is too low: at this speed a stride may take" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("evaluations", [0, 1])
+def test_no_search_is_advised_where_there_was_none(run: Run, evaluations: int) -> None:
+    """Of a replay, and of the ordinary genes as they are."""
+    asked = {"beta": 0.7, "energy_target": 2.0, "energy_rate": 1.0, "evaluations": evaluations}
+    (note,) = notes_of(replace(run, metrics=run.metrics | asked))
+    assert note.sentence == "energy 50 % off its target: these genes were not searched for at this briskness."
