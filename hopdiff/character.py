@@ -33,7 +33,7 @@ REQUIRED_PARENTS = {
     "right_knee": "right_hip",
 }
 
-TALLEST, HEAVIEST, THICKEST = 100.0, 1e6, 0.1  # m, kg, and body heights of soles
+SHORTEST, TALLEST, HEAVIEST, THICKEST = 0.01, 100.0, 1e6, 0.1  # m, m, kg, and body heights of soles
 LIMITED = ("hip", "knee", "shoulder", "elbow", "waist", "neck")
 
 
@@ -120,6 +120,8 @@ class Character:
             raise HopdiffError(f"{where}: mass must be a positive number of kilograms, not {settings.mass}.")
         if not (math.isfinite(settings.shoe) and 0.0 <= settings.shoe <= THICKEST):
             raise HopdiffError(f"{where}: shoe must lie between 0 and {THICKEST:g} body heights, not {settings.shoe}.")
+        if settings.height < SHORTEST:
+            raise HopdiffError(f"{where}: height must be at least {SHORTEST:g} m, not {settings.height}.")
         if settings.height > TALLEST or settings.mass > HEAVIEST:
             raise HopdiffError(f"{where}: height and mass must not be above {TALLEST:g} m and {HEAVIEST:g} kg.")
         joints = dict(settings.joints)

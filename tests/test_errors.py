@@ -52,6 +52,7 @@ MISTAKES = {
     "model=smoth": "Unknown model 'smoth': choose one of body, smooth, thesis. Did you mean 'smooth'?",
     "character=dwarf": "Unknown character 'dwarf': choose one of cartoon, child, human",
     "character.mass=-70": "mass must be a positive number",
+    "character.height=0.0001": "height must be at least 0.01 m, not 0.0001",
     "character.heigt=2": "Did you mean 'character.height'?",
     "character.joints.left_knee.parent=left_elbow": "left_knee",
     "character.joints.left_hip.parent=left_knee": "cycle",

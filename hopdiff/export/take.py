@@ -15,6 +15,7 @@ from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.loop import is_loop, repeated, repetitions
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.quaternion import slerp
+from hopdiff.models.gait import LEAST_FRAMES
 from hopdiff.motion import Motion
 from hopdiff.numerics import GRAVITY
 from hopdiff.types import HopdiffError
@@ -139,6 +140,11 @@ class Take:
         if duration * fps >= MAX_FRAMES:
             raise HopdiffError(f"fps={fps:g} makes more than {MAX_FRAMES} frames of {self.name}.")
         count = max(1, math.floor(duration * fps + 1e-6) if exact else round(duration * fps))
+        if self.loop and count < LEAST_FRAMES <= self.frames:
+            raise HopdiffError(
+                f"fps={fps:g} is too low for the loop {self.name} of {duration:.3f} s: at least"
+                f" {math.ceil(LEAST_FRAMES / duration)}."
+            )
         frame_time = 1.0 / fps if exact else duration / count
         times = torch.arange(count + 1, dtype=torch.float64) * frame_time / self.clip.frame_time
         if len(times) == self.frames and float((times - torch.arange(self.frames)).abs().max()) < 1e-9:

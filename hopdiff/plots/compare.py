@@ -104,6 +104,8 @@ def convergence_overlay(records: Sequence[RunRecord]) -> Figure:
         _scale_cost(axes, [record for group in groups.values() for record in group])
         axes.set_title(problem_name(problem))
         style.tidy(axes)
+    for axes in panels[: len(panels_of) : columns]:
+        axes.set_ylabel("best cost so far")
     for axes in panels[max(0, len(panels_of) - columns) : len(panels_of)]:
         axes.set_xlabel("evaluations (a gradient counts as several)")
     for axes in panels[len(panels_of) :]:
@@ -135,7 +137,9 @@ def _curve(axes: Axes, group: Sequence[RunRecord], colour: str, label: str, band
     known = np.isfinite(curves).all(axis=0)
     middle = np.median(curves[:, known], axis=0)
     # A best value holds until a better one is found.
-    axes.plot(grid[known], middle, color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
+    # A search of one step, as that of the ordinary genes, has no line.
+    dot = "o" if known.sum() == 1 else ""
+    axes.plot(grid[known], middle, marker=dot, color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
     if band and len(group) > 1:
         low, high = curves[:, known].min(axis=0), curves[:, known].max(axis=0)
         axes.fill_between(grid[known], low, high, color=colour, alpha=0.18, linewidth=0, step="post")

@@ -13,6 +13,7 @@ from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import write_bvh
 from hopdiff.io.events import write_events
 from hopdiff.io.record import write_json
+from hopdiff.messages import plural
 from hopdiff.plots.edit import edit_figure
 from hopdiff.plots.feet import feet_figure
 from hopdiff.plots.sticks import sticks_figure
@@ -78,8 +79,8 @@ def edit_summary(folder: Path, edit: Edit) -> str:
         ("clip", f"{m['clip']}, {m['frames']} frames" + (f", {m['repeats']} strides" if m["repeats"] > 1 else "")),
         (
             "edited",
-            f"{m['constraints']} frames bound, {m['rounds']} rounds; {1000 * m['error_place']:.2f} mm and"
-            f" {m['error_yaw_deg']:.3f} deg off",
+            f"{plural(m['constraints'], 'frame')} bound, {plural(m['rounds'], 'round')};"
+            f" {1000 * m['error_place']:.2f} mm and {m['error_yaw_deg']:.3f} deg off",
         ),
         (
             "",

@@ -22,7 +22,7 @@ from hopdiff.io.bvh import read_bvh
 from hopdiff.io.events import write_events
 from hopdiff.io.record import write_json
 from hopdiff.io.run_folder import RunFolder
-from hopdiff.messages import choose, say
+from hopdiff.messages import say, unknown
 from hopdiff.plots.rooms import rooms_figure
 from hopdiff.plots.sticks import sticks_figure
 from hopdiff.tasks.base import Call, Task, Work
@@ -56,7 +56,9 @@ def scene_file(name: str, scenes: Path) -> Path:
     if Path(name).suffix in (".yaml", ".yml"):
         return Path(name)
     known = sorted(file.stem for file in scenes.glob("*.yaml"))
-    return scenes / f"{choose('scene', name, known)}.yaml"
+    if name not in known:
+        raise HopdiffError(f"{unknown('scene', name, known)} One of your own is a file: scene=FILE.yaml.")
+    return scenes / f"{name}.yaml"
 
 
 def build(call: Call) -> Work:

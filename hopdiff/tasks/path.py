@@ -20,7 +20,7 @@ from hopdiff.effort.problem import BodyProblem
 from hopdiff.io.record import write_table
 from hopdiff.io.run_folder import Note, RunFolder
 from hopdiff.job import Job, Run, make_run
-from hopdiff.messages import say, typed_names
+from hopdiff.messages import plural, say, typed_names
 from hopdiff.metrics import loop_error, stance_foot_drift
 from hopdiff.models.course import run_along, turning_lean
 from hopdiff.motion import Motion
@@ -220,14 +220,14 @@ def path_summary(folder: Path, run: Run, notes: Sequence[Note] = ()) -> str:
     m = run.metrics
     rows = [
         ("asked", f"{m['path_length']:.2f} m in {m['path_time']:g} s, so {m['speed']:.2f} m/s, beta {m['beta']:g}"),
-        ("reached", f"{m['strides']} strides, each {100 * m['stride_adjustment']:+.1f} % in time to fit"),
+        ("reached", f"{plural(m['strides'], 'stride')}, each {100 * m['stride_adjustment']:+.1f} % in time to fit"),
         ("", f"lean up to {m['max_lean_deg']:.1f} deg, planted feet move {1000 * m['foot_slide_max']:.2f} mm at most"),
         (
             "",
             f"contact {m['contact_time']:.3f} s, flight {m['flight_time']:.3f} s, energy {m['energy_rate']:.3f} of"
             f" {m['energy_target']:.3f}",
         ),
-        ("searched", f"{m['search']}, {m['evaluations']} evaluations, {m['wall_seconds']:.1f} s"),
+        ("searched", f"{m['search']}, {plural(m['evaluations'], 'evaluation')}, {m['wall_seconds']:.1f} s"),
         *(("note", note.sentence) for note in notes),
         ("files", shown(folder)),
     ]

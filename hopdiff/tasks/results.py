@@ -16,6 +16,7 @@ from hopdiff.io.genes_file import write_genes
 from hopdiff.io.record import write_json, write_settings, write_table
 from hopdiff.io.run_folder import Note
 from hopdiff.job import Job, Run
+from hopdiff.messages import plural
 from hopdiff.plots.angles import angles_figure
 from hopdiff.plots.animation import stride_film
 from hopdiff.plots.com_track import com_track_figure
@@ -153,7 +154,7 @@ def summary(folder: Path, job: Job, run: Run, notes: Sequence[Note] = ()) -> str
     # At beta 0 the target is zero, which nobody reaches: there is no percentage to give.
     miss = f" ({100.0 * (m['energy_rate'] / m['energy_target'] - 1.0):+.1f} %)" if m["energy_target"] else ""
     searched = (
-        f"{m['search']}, {m['evaluations']} evaluations, {m['gradient_evaluations']} gradients,"
+        f"{m['search']}, {plural(m['evaluations'], 'evaluation')}, {plural(m['gradient_evaluations'], 'gradient')},"
         f" {m['wall_seconds']:.1f} s, {100 * m['invalid_fraction']:.0f} % impossible"
     )
     rows = [

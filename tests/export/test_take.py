@@ -107,3 +107,12 @@ def test_joints_that_hardly_move_are_fixed() -> None:
     offsets = clip.skeleton.offsets + noise * torch.ones(1, len(clip.skeleton.names), 3)
     assert Take.of_clip("a", replace(clip, offsets=offsets), {}).clip.offsets is None
     assert Take.of_clip("a", replace(clip, offsets=offsets + 100.0 * noise), {}).clip.offsets is not None
+
+
+def test_too_few_frames_of_a_loop_are_refused() -> None:
+    """First and last frame are one: of a stride in two frames nothing would move."""
+    take = own()
+    with pytest.raises(HopdiffError, match=r"fps=1 is too low for the loop \w.* at least (\d+)\.") as caught:
+        take.resampled(1.0, exact=False)
+    told = float(str(caught.value).split()[-1].rstrip("."))
+    assert take.resampled(told, exact=True).frames > 4

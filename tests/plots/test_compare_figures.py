@@ -288,3 +288,12 @@ def test_problems_that_are_not_chosen_have_no_rows() -> None:
     records = series([record(beta=beta) for beta in (0.2, 0.5)])
     drawn = compare_figures(Chosen(records, [(3.0, 0.2)], []))
     assert rows(drawn["summary"].axes[0]) == ["ga"]
+
+
+def test_a_search_of_one_step_is_a_dot_and_axes_are_named() -> None:
+    one = replace(record("ordinary"), history={"spent": [1.0], "best": [1.5]})
+    figure = convergence_overlay(series([record("ga"), one]))
+    marks = {line.get_label(): (line.get_marker(), len(line.get_xdata())) for line in figure.axes[0].lines}
+    assert marks["ordinary"] == ("o", 1)
+    assert marks["ga"][0] == ""
+    assert figure.axes[0].get_ylabel() == "best cost so far"

@@ -53,7 +53,7 @@ def test_a_run_of_our_own_is_led_to_a_target(
     for name in PICTURES:
         with Image.open(folder / name) as picture:
             assert min(picture.size) > 300
-    assert "edited    1 frames bound" in capsys.readouterr().out
+    assert "edited    1 frame bound" in capsys.readouterr().out
 
 
 def test_a_file_keeps_all_that_is_not_edited(walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
