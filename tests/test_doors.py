@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from hydra.core.config_store import ConfigStore
+from hydra.core.plugins import Plugins
 
 from hopdiff.cli import main
 from hopdiff.composing import compose, register_choices
@@ -92,6 +93,7 @@ def others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     (site / "others-1.0.dist-info" / "entry_points.txt").write_text(POINTS)
     monkeypatch.syspath_prepend(str(site))
     importlib.invalidate_caches()
+    Plugins.instance()  # which puts Hydra's own into the store, once
     register_choices.cache_clear()
     before = deepcopy(ConfigStore.instance().repo)
     yield tmp_path
@@ -142,6 +144,26 @@ def test_a_broken_package_is_named(
     assert said.startswith("hopdiff: the search 'missing' of the package others cannot be loaded: AttributeError")
     assert said.count("\n") == 1
     assert not (others / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("points", "said"),
+    [
+        ("[hopdiff.tasks]\nhello = others_things:NOTHING", "the task 'hello' of the package others cannot be loaded"),
+        ("[hopdiff.characters]\ngiant = others_things:NOTHING", "the character 'giant' of the package others cannot"),
+        ("[hopdiff.characters]\ngiant = others_things:HIGH", "the character 'giant' of another package is no table"),
+    ],
+)
+def test_a_broken_package_stops_nobody_else(
+    points: str, said: str, others: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (others / "site" / "others-1.0.dist-info" / "entry_points.txt").write_text(points)
+    assert run(monkeypatch, others / "run", *QUICK, "search=ordinary", "beta=0.2") == 0
+    told = capsys.readouterr().err
+    assert told.startswith(f"hopdiff: left out: {said}")
+    assert told.count("\n") == 1
+    assert run(monkeypatch, others / "no", "character=giant" if "giant" in points else "task=hello") == 1
+    assert "Unknown" in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_an_unknown_setting_of_theirs_is_refused(
