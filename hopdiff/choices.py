@@ -14,7 +14,7 @@ from hopdiff.character import Character
 from hopdiff.costs import CostSettings
 from hopdiff.doors import SEARCHES
 from hopdiff.effort.settings import EffortSettings
-from hopdiff.messages import choose, one_line
+from hopdiff.messages import choose, one_line, wrong_value
 from hopdiff.models import MODELS, AnyModel
 from hopdiff.models.limp import LimpSettings
 from hopdiff.search.base import Search
@@ -69,7 +69,8 @@ def structured(group: str, name: str, schema: type, settings: Mapping[str, Any])
     try:
         return OmegaConf.to_object(OmegaConf.merge(typed, with_floats(schema, dict(settings))))
     except OmegaConfBaseException as error:
-        raise HopdiffError(f"{group}.{error.full_key}: {one_line(error)}") from error
+        key = f"{group}.{error.full_key}"
+        raise HopdiffError(wrong_value(key, str(error)) or f"{key}: {one_line(error)}") from error
 
 
 def with_floats(hint: Any, value: Any) -> Any:

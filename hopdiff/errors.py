@@ -20,10 +20,9 @@ from yaml.reader import ReaderError
 from hopdiff.composing import choices_of, known_settings, own_file, task_of
 from hopdiff.doors import config_folder
 from hopdiff.extras import of_launcher
-from hopdiff.messages import near, one_line, unknown
+from hopdiff.messages import near, one_line, unknown, wrong_value
 from hopdiff.types import HopdiffError
 
-_KINDS = {"Float": "a number", "Integer": "a whole number", "Boolean": "true or false", "String": "a text"}
 _LAUNCHERS = {"ray": "ray", "submitit": "slurm"}  # that raise errors of their own, by package
 _FOREIGN = ("/hydra/", "/omegaconf/", "/yaml/", "/antlr4/")
 
@@ -124,8 +123,8 @@ def _setting(error: OmegaConfBaseException, key: str, text: str) -> str:
         return f"The setting {found.group(1)!r} is needed and missing."
     if isinstance(error, InterpolationResolutionError):
         return f"{key}: {one_line(error)}."
-    if found := re.search(r"Value '(.*)' of type '.*' could not be converted to (\w+)", text):
-        return f"{key} must be {_KINDS.get(found.group(2), found.group(2))}, not {found.group(1)!r}."
+    if said := wrong_value(key, text):
+        return said
     if "is not Optional" in text or text.startswith("Incompatible value 'None'"):
         return f"{key} needs a value, not null."
     if "Missing mandatory value" in text:

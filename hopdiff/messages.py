@@ -10,6 +10,13 @@ from difflib import get_close_matches
 
 from hopdiff.types import HopdiffError
 
+_KINDS = {
+    **dict.fromkeys(("Float", "float"), "a number"),
+    **dict.fromkeys(("Integer", "int"), "a whole number"),
+    **dict.fromkeys(("Boolean", "bool"), "true or false"),
+    "String": "a text",
+}
+
 
 def one_line(error: BaseException) -> str:
     """The first line of an exception's text."""
@@ -34,6 +41,12 @@ def choose(what: str, name: str, choices: Iterable[str]) -> str:
     if name not in (known := list(choices)):
         raise HopdiffError(unknown(what, name, known))
     return name
+
+
+def wrong_value(name: str, text: str) -> str | None:
+    """The sentence for OmegaConf's text on a value of the wrong type; None for texts on anything else."""
+    found = re.search(r"Value '(.*)' (?:of type '.*' could not be converted to|is not a valid) (\w+)", text)
+    return f"{name} must be {_KINDS.get(found.group(2), found.group(2))}, not {found.group(1)!r}." if found else None
 
 
 def plural(count: int, word: str) -> str:

@@ -256,6 +256,8 @@ def test_a_mistake_leaves_folders_as_they_were(kept: bool, tmp_path: Path, monke
     [
         (("export=[glbx]",), "Unknown export 'glbx': choose one of blend"),
         (("search=3",), "Unknown search '3': choose one of cmaes, ga"),
+        (("search=ga", "search.population=nan"), "search.population must be a whole number, not 'nan'."),
+        (("overwrite=maybe",), "overwrite must be true or false, not 'maybe'."),
         (("character=1.5",), "Unknown character '1.5': choose one of cartoon, child, human."),
         (("speed=" + "9" * 5000,), "speed is a number of too many digits."),
         (("seed=" + "9" * 5000,), "seed is a number of too many digits."),

@@ -33,7 +33,7 @@ from hopdiff.types import HopdiffError
         (["costs.least.contact_time=0"], "costs.least.contact_time must be a number above 0, not 0.0."),
         (["costs.torque=-1"], "costs.torque must be a number of 0 or more, not -1."),
         (["costs.torque=nan"], "costs.torque must be a finite number, not nan."),
-        (["costs.positive_work=many"], "costs.positive_work: "),
+        (["costs.positive_work=many"], "costs.positive_work must be a number, not 'many'."),
         (["costs.scale=0"], "costs.scale must lie above 0 and not above 2, not 0."),
         (["costs.limits.friction=0"], "costs.limits.friction must lie between 0.05 and 5, not 0."),
         (
