@@ -14,7 +14,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
-from experiments.report import markdown, words
+from experiments.report import integers, markdown, words
 from experiments.scale.inside import inside
 from experiments.scale.measure import HYDRA_OWN, Taken, sweep, wait_for_quiet
 from hopdiff.io.files import write_whole
@@ -34,16 +34,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     taken = json.loads(kept.read_text()) if kept.is_file() and not options.fresh else {"pairs": {}, "tiny": {}}
     engines = [name for name in options.engines if name == HYDRA_OWN or find_spec(PACKAGES[name])]
 
-    def note(kind: str, name: str, found: Taken) -> None:
-        print(f"{kind} {name}: {found.wall:.1f} s, cpu {found.cpu:.1f} s, others {found.others:.0%}", flush=True)
-        taken[kind].setdefault(name, []).append([round(number, 3) for number in found])
+    def note(table: dict[str, list[list[float]]], name: str, found: Taken) -> None:
+        print(f"{name}: {found.wall:.1f} s, cpu {found.cpu:.1f} s, others {found.others:.0%}", flush=True)
+        table.setdefault(name, []).append([round(number, 3) for number in found])
         write_whole(kept, json.dumps(taken, indent=1) + "\n")
 
     with TemporaryDirectory() as place:
         folder = Path(place) / "sweep"
-        jobs = ["model=smooth", f"budget.evaluations={options.evaluations}", "beta=0.2"]
-        many = [*jobs, f"seed=range(0,{options.jobs})"]
-        for _ in range(options.pairs):
+        for budget in [budget for budget in options.evaluations for _ in range(options.pairs)]:
+            many = ["model=smooth", f"budget.evaluations={budget}", "beta=0.2", f"seed=range(0,{options.jobs})"]
             if options.quiet < 1.0 and not wait_for_quiet(options.quiet, options.patience):
                 print("The machine did not become quiet.", flush=True)
                 break
@@ -52,15 +51,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 print(f"Not kept, others worked: {found}", flush=True)
                 continue
             for engine, one in found.items():
-                note("pairs", engine, one)
+                note(taken["pairs"].setdefault(str(budget), {}), engine, one)
         if options.tiny:
             for engine in engines:
                 for runs in (FEW, options.tiny):
                     found = sweep(engine, [*TINY, f"seed=range(0,{runs})"], runs, folder)
-                    note("tiny", f"{engine}, {runs}", found)
+                    note(taken["tiny"], f"{engine}, {runs}", found)
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         own = pool.submit(inside, TINY, ROUNDS).result()
-    text = report(taken, own, options.jobs, options.evaluations)
+    text = report(taken["pairs"], taken["tiny"], own, options.jobs)
     write_whole(options.out / "results.md", text)
     print(text)
 
@@ -72,7 +71,7 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--pairs", type=int, default=5, help="rounds of the sweep of jobs, each of all engines")
     parser.add_argument("--jobs", type=int, default=16, help="of such a sweep")
-    parser.add_argument("--evaluations", type=int, default=2000, help="budget of such a job")
+    parser.add_argument("--evaluations", type=integers, default=[2000, 10_000], help="budgets of such jobs")
     parser.add_argument("--tiny", type=int, default=1000, help="runs of the sweep of tiny runs; 0 for none")
     parser.add_argument("--quiet", type=float, default=1.0, help="share of the cores that others may use in a round")
     parser.add_argument("--patience", type=float, default=600.0, help="seconds to wait for such a moment")
@@ -82,24 +81,26 @@ def parser() -> argparse.ArgumentParser:
 
 
 def report(
-    taken: dict[str, dict[str, list[list[float]]]],
+    pairs: dict[str, dict[str, list[list[float]]]],
+    tiny: dict[str, list[list[float]]],
     own: tuple[float, float, list[tuple[str, float, float]]],
     jobs: int,
-    evaluations: int,
 ) -> str:
-    """All tables. taken: what sweeps took, by kind and name. own: of one run in a process of its own."""
+    """All tables. pairs: what sweeps of jobs took, by budget and launcher. tiny: of tiny runs, by launcher and size.
+    own: of one run in a process of its own."""
     composed, ran, parts = own
     cores = os.cpu_count() or 1
     lines = [
         f"{cores} cores, Python {platform.python_version()}. Others: share of the cores that other programs used"
         " meanwhile; where it is not about 0, seconds tell little, and processor time is somewhat too long.",
         "",
-        f"## {jobs} jobs of model=smooth, budget {evaluations}, without pictures",
-        "",
-        _pairs(taken["pairs"]),
+        *(
+            f"## {jobs} jobs of model=smooth, budget {budget}, without pictures\n\n{_pairs(taken)}"
+            for budget, taken in pairs.items()
+        ),
         "## Tiny runs: one candidate, no pictures",
         "",
-        _tiny(taken["tiny"], cores, ran),
+        _tiny(tiny, cores, ran),
         "## One tiny run, in a process that has imported everything",
         "",
         f"{ran:.0f} ms of processor time, and {composed:.0f} ms for Hydra to compose its settings. Of the run itself,"
