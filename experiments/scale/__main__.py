@@ -14,7 +14,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
-from experiments.report import integers, markdown, words
+from experiments.report import markdown, words
 from experiments.scale.inside import inside
 from experiments.scale.measure import HYDRA_OWN, Taken, sweep, wait_for_quiet
 from hopdiff.io.files import write_whole
@@ -22,7 +22,8 @@ from hopdiff.io.files import write_whole
 HERE = Path(__file__).parent
 KEPT = "taken.json"
 PACKAGES = {"joblib": "hydra_plugins.hydra_joblib_launcher", "ray": "hydra_plugins.hydra_ray_launcher"}
-TINY = ["model=smooth", "search=ordinary", "beta=0.2"]
+KINDS = ("model=smooth budget.evaluations=2000", "model=smooth", "model=body")
+TINY = ["model=smooth", "search=ordinary", "beta=0.2", "pictures=false"]
 FEW = 20  # runs of the small sweep, whose time is nearly all of starting
 ROUNDS = 20
 
@@ -41,8 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     with TemporaryDirectory() as place:
         folder = Path(place) / "sweep"
-        for budget in [budget for budget in options.evaluations for _ in range(options.pairs)]:
-            many = ["model=smooth", f"budget.evaluations={budget}", "beta=0.2", f"seed=range(0,{options.jobs})"]
+        for kind in [kind for kind in options.of or KINDS for _ in range(options.pairs)]:
+            many = [*kind.split(), "beta=0.2", f"seed=range(0,{options.jobs})"]
             if options.quiet < 1.0 and not wait_for_quiet(options.quiet, options.patience):
                 print("The machine did not become quiet.", flush=True)
                 break
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 print(f"Not kept, others worked: {found}", flush=True)
                 continue
             for engine, one in found.items():
-                note(taken["pairs"].setdefault(str(budget), {}), engine, one)
+                note(taken["pairs"].setdefault(kind, {}), engine, one)
         if options.tiny:
             for engine in engines:
                 for runs in (FEW, options.tiny):
@@ -71,7 +72,9 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--pairs", type=int, default=5, help="rounds of the sweep of jobs, each of all engines")
     parser.add_argument("--jobs", type=int, default=16, help="of such a sweep")
-    parser.add_argument("--evaluations", type=integers, default=[2000, 10_000], help="budgets of such jobs")
+    parser.add_argument(
+        "--of", action="append", metavar="WORDS", help=f"settings of such jobs; else {', '.join(KINDS)}"
+    )
     parser.add_argument("--tiny", type=int, default=1000, help="runs of the sweep of tiny runs; 0 for none")
     parser.add_argument("--quiet", type=float, default=1.0, help="share of the cores that others may use in a round")
     parser.add_argument("--patience", type=float, default=600.0, help="seconds to wait for such a moment")
@@ -86,7 +89,7 @@ def report(
     own: tuple[float, float, list[tuple[str, float, float]]],
     jobs: int,
 ) -> str:
-    """All tables. pairs: what sweeps of jobs took, by budget and launcher. tiny: of tiny runs, by launcher and size.
+    """All tables. pairs: what sweeps of jobs took, by their settings and launcher. tiny: of tiny runs, by launcher and size.
     own: of one run in a process of its own."""
     composed, ran, parts = own
     cores = os.cpu_count() or 1
@@ -94,10 +97,7 @@ def report(
         f"{cores} cores, Python {platform.python_version()}. Others: share of the cores that other programs used"
         " meanwhile; where it is not about 0, seconds tell little, and processor time is somewhat too long.",
         "",
-        *(
-            f"## {jobs} jobs of model=smooth, budget {budget}, without pictures\n\n{_pairs(taken)}"
-            for budget, taken in pairs.items()
-        ),
+        *(f"## {jobs} jobs of `{kind}`, without pictures\n\n{_pairs(taken)}" for kind, taken in pairs.items()),
         "## Tiny runs: one candidate, no pictures",
         "",
         _tiny(tiny, cores, ran),
