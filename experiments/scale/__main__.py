@@ -89,8 +89,11 @@ def report(
     own: tuple[float, float, list[tuple[str, float, float]]],
     jobs: int,
 ) -> str:
-    """All tables. pairs: what sweeps of jobs took, by their settings and launcher. tiny: of tiny runs, by launcher and size.
-    own: of one run in a process of its own."""
+    """All tables.
+
+    pairs: what sweeps of jobs took, by their settings and launcher. tiny: of tiny runs, by launcher and size. own: of
+    one run in a process of its own.
+    """
     composed, ran, parts = own
     cores = os.cpu_count() or 1
     lines = [
