@@ -9,14 +9,14 @@ from pathlib import Path
 import yaml
 
 from hopdiff.composing import compose
-from hopdiff.config import build_job
+from hopdiff.config import build_job, checked, typed
 from hopdiff.doors import config_folder
 from hopdiff.export.settings import ExportSettings
 from hopdiff.export.take import Take
 from hopdiff.io.bvh import read_bvh
 from hopdiff.job import find, search_run
+from hopdiff.tasks.path import PathTask, route_of
 from hopdiff.tasks.path import path_run as along
-from hopdiff.tasks.path import route_of
 
 CAPTURED = ("run_cmu_16_35", "run_turn_left90_cmu_16_42")  # of a folder of captured clips, those that run
 BVH_OPTIONS = {"y": ("-Z", "Y"), "z": ("Y", "Z")}  # up of a file -> what Blender's importer calls forward and up
@@ -48,7 +48,7 @@ def own_runs(evaluations: int, path: bool = True) -> dict[str, Take]:
 def path_run(evaluations: int) -> Take:
     """The run of +experiment=path model=smooth."""
     config = compose(["+experiment=path", "model=smooth", f"budget.evaluations={evaluations}"])
-    route = route_of(config)
+    route = route_of(checked(config), typed(config, PathTask))
     config.speed = route.speed
     job = build_job(config)
     return replace(along(job, route, find(job)).take(), name="path")

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from hopdiff import costs
 from hopdiff.character import Character
-from hopdiff.config import build_job
+from hopdiff.config import Config, build_job
 from hopdiff.effort.metrics import MEASURING_FPS, standing_feet
 from hopdiff.effort.problem import BodyProblem
 from hopdiff.io.record import write_table
@@ -62,6 +62,12 @@ class PathTask:
     path: PathSettings
 
 
+def route_of(settings: Config, asked: PathTask) -> Route:
+    """The route that is asked for, checked against what the body can run. Raises HopdiffError, naming the setting."""
+    character = Character.build(settings.character)
+    return plan(asked.path, character.leg_length, character.name, settings.fps)
+
+
 def build(call: Call) -> Work:
     """Check path and settings. Raises HopdiffError, naming the setting and the range that is possible."""
     words = typed_names(call.command)
@@ -69,8 +75,7 @@ def build(call: Call) -> Work:
         raise HopdiffError("speed cannot be set with task=path: path.time and the length of the path give it.")
     if "path.points" in words and "path.file" in words:
         raise HopdiffError("path.points and path.file are both set: give the path by one of them.")
-    character = Character.build(call.settings.character)
-    route = plan(call.own.path, character.leg_length, character.name, call.settings.fps)
+    route = route_of(call.settings, call.own)
     OmegaConf.update(call.config, "speed", route.speed)
     job = build_job(call.config, settings=replace(call.settings, speed=route.speed))
     if (cadence := cadence_gene(job.problem)) in job.settings["genes"]["fixed"]:

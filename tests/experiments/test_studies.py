@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import importlib
 import math
 from pathlib import Path
 
@@ -11,6 +12,18 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.fixture(autouse=True)
 def from_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT))
+
+
+MODULES = sorted(
+    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    for path in (ROOT / "experiments").rglob("*.py")
+    if path.name not in ("in_blender.py", "in_browser.py")  # which other programs run
+)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_study_finds_what_it_takes_from_the_project(module: str) -> None:
+    importlib.import_module(module)
 
 
 def test_reach_measures_judges_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
