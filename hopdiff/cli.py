@@ -36,11 +36,11 @@ def main() -> int:
 
     Whatever the user can put right becomes one sentence on stderr and status 1; HYDRA_FULL_ERROR=1 shows the trace.
     """
-    wish = os.environ.get("HYDRA_FULL_ERROR")
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # so that Hydra hands its errors over instead of printing them
     if "--version" in sys.argv[1:]:
         print(f"hopdiff {__version__} (Hydra {hydra.__version__})")
         return 0
+    wish = os.environ.get("HYDRA_FULL_ERROR")
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # so that Hydra hands its errors over instead of printing them
     sys.argv[1:] = with_new_names(sys.argv[1:])
     try:
         register_choices()

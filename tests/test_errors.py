@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -305,7 +306,9 @@ def test_files_of_ones_own_that_cannot_be(
 
 
 def test_the_version_is_that_of_hopdiff(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)
     assert run_main(monkeypatch, "--version") == 0
+    assert "HYDRA_FULL_ERROR" not in os.environ  # which would make later mistakes long
     assert capsys.readouterr().out.startswith(f"hopdiff {hopdiff.__version__} (Hydra ")
 
 

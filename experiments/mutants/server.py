@@ -279,4 +279,6 @@ class _Watch:
 def _place(code: CodeType) -> str:
     """File below the project and line of a code object, such as hopdiff/costs.py:82; empty for foreign code."""
     _, inside, path = code.co_filename.rpartition("/hopdiff/")
-    return f"hopdiff/{path}:{code.co_firstlineno}" if inside else ""
+    # The checkout itself may be called hopdiff.
+    ours = inside and not path.startswith(("experiments/", "tests/"))
+    return f"hopdiff/{path}:{code.co_firstlineno}" if ours else ""

@@ -147,7 +147,7 @@ def test_height_and_mass_can_be_typed(tmp_path: Path, monkeypatch: pytest.Monkey
             "Unknown setting 'character.proportion'. Did you mean 'character.proportions'?",
         ),
         ("~character.joints.neck", "character 'human': the joint 'neck' is missing."),
-        ("pictures=maybe", "pictures: "),
+        ("pictures=maybe", "pictures must be true or false, not 'maybe'."),
     ],
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing(
