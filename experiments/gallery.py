@@ -177,7 +177,7 @@ def section(gallery: Gallery, entry: Entry, numbers: Mapping[str, Mapping[str, A
     for shot in entry.shots:
         if shot.picture:
             parts.append(f"![{shot.caption}](pictures/{shot.name}.png)")
-        parts.append(f"{shot.caption}\n\n```\n{command(gallery, shot)}\n```")
+        parts.append(f"{shot.caption}\n\n```\n{command(shot, gallery.runs)}\n```")
     parts.append(f"**{gallery.source}:** {entry.shows}")
     parts.append(f"**Here:** {entry.seen(numbers)}")
     if entry.table:
@@ -187,10 +187,10 @@ def section(gallery: Gallery, entry: Entry, numbers: Mapping[str, Mapping[str, A
     return "\n\n".join(part.strip() for part in parts)
 
 
-def command(gallery: Gallery, shot: Shot) -> str:
-    """The command as a reader would type it."""
+def command(shot: Shot, runs: Path) -> str:
+    """The command as a reader would type it. runs: the folder of the run folders."""
     bare = [word.replace(f"{CLIPS}/", "") for word in shot.overrides]
-    overrides = [word.replace("{", f"{gallery.runs}/").replace("}", "") for word in bare]
+    overrides = [word.replace("{", f"{runs}/").replace("}", "") for word in bare]
     return " ".join(("python -m hopdiff", *(f"'{word}'" if "[" in word or " " in word else word for word in overrides)))
 
 
@@ -212,17 +212,34 @@ def shrink(sources: Sequence[Path], target: Path, width: int) -> None:
     """Pictures made smaller, for a page, one below the other."""
     pictures = []
     for source in sources:
-        with Image.open(source) as image:
-            picture = image.convert("RGB")
-        if picture.width > width:
-            height = round(picture.height * width / picture.width)
-            picture = picture.resize((width, height), Image.Resampling.LANCZOS)
-        pictures.append(picture)
-    sheet = Image.new("RGB", (max(p.width for p in pictures), sum(p.height for p in pictures)), "white")
-    top = 0
+        picture = opened(source)
+        pictures.append(scaled(picture, width) if picture.width > width else picture)
+    write_small(laid_out(pictures), target)
+
+
+def opened(source: Path) -> Image.Image:
+    with Image.open(source) as image:
+        return image.convert("RGB")
+
+
+def scaled(picture: Image.Image, width: int) -> Image.Image:
+    """A picture at another width, as high as that makes it."""
+    return picture.resize((width, round(picture.height * width / picture.width)), Image.Resampling.LANCZOS)
+
+
+def laid_out(pictures: Sequence[Image.Image], beside: bool = False) -> Image.Image:
+    """Pictures on one sheet, below each other or beside each other."""
+    wide, high = (sum if beside else max), (max if beside else sum)
+    sheet = Image.new("RGB", (wide(p.width for p in pictures), high(p.height for p in pictures)), "white")
+    left = top = 0
     for picture in pictures:
-        sheet.paste(picture, (0, top))
-        top += picture.height
+        sheet.paste(picture, (left, top))
+        left, top = (left + picture.width, top) if beside else (left, top + picture.height)
+    return sheet
+
+
+def write_small(sheet: Image.Image, target: Path) -> None:
+    """Write a picture in few colours."""
     # The octree keeps thin lines of different colours apart, which the other palettes merge.
     palette = sheet.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     palette.save(target, optimize=True)

@@ -19,7 +19,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
 from omegaconf import BooleanNode, DictConfig, FloatNode, IntegerNode, OmegaConf
 
-from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, Door, config_folder, load, loaded
+from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, Door, config_folder, files_of, load, loaded
 from hopdiff.extras import missing_extras
 from hopdiff.messages import typed_names
 from hopdiff.types import HopdiffError
@@ -116,9 +116,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
 
 def choices_of(group: str) -> list[str]:
     """The names of a group, those of installed packages included."""
-    node = ConfigStore.instance().repo.get(group, {})
-    names = {Path(name).stem for name in (*node, *(path.name for path in (config_folder() / group).glob("*.yaml")))}
-    return sorted(name for name in names if not name.startswith("of_"))
+    return sorted({*files_of(group), *(Path(name).stem for name in ConfigStore.instance().repo.get(group, {}))})
 
 
 def known_settings(key: str = "") -> list[str]:

@@ -84,14 +84,16 @@ def config_folder() -> Path:
     raise HopdiffError("This installation of hopdiff lacks its configuration folder conf/.")
 
 
+def files_of(group: str) -> list[str]:
+    """The names of the files of a group of conf/ that are chosen by name."""
+    names = (path.stem for path in (config_folder() / group).glob("*.yaml"))
+    return sorted(name for name in names if not name.startswith("of_"))
+
+
 def _files(group: str) -> Callable[[Door], list[str]]:
     """Lists the files of a group of conf/."""
 
-    def listed(door: Door) -> list[str]:
-        names = (path.stem for path in (config_folder() / group).glob("*.yaml"))
-        return sorted(name for name in names if not name.startswith("of_"))
-
-    return listed
+    return lambda door: files_of(group)
 
 
 def _modules(door: Door) -> list[str]:

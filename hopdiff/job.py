@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from hopdiff.export.take import Segments, Take
 from hopdiff.genes import GeneTable
 from hopdiff.geometry.clip import Clip
 from hopdiff.metrics import run_metrics
-from hopdiff.models.gait import LEAST_FRAMES
+from hopdiff.models.gait import LEAST_FRAMES, enough_fps
 from hopdiff.motion import Motion
 from hopdiff.problem import RunProblem
 from hopdiff.search.base import Search
@@ -159,7 +158,7 @@ def check_frames(job: Job) -> None:
     if round(shortest * job.fps) < LEAST_FRAMES:
         raise HopdiffError(
             f"fps={job.fps:g} is too low: at this speed a stride may take {shortest:.3f} s, which needs"
-            f" {math.ceil(LEAST_FRAMES / shortest)} frames/s or more."
+            f" {enough_fps(shortest)} frames/s or more."
         )
 
 

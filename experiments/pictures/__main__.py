@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
-from experiments.gallery import CLIPS, Shot, commits, make
+from experiments.gallery import CLIPS, Shot, command, commits, laid_out, make, opened, scaled, write_small
 from experiments.report import markdown
 
 HERE = Path(__file__).parent
@@ -20,7 +20,7 @@ Share = tuple[float, float]
 class Sheet(NamedTuple):
     """One picture: files of run folders side by side or below each other, at a width.
 
-    ends: where in its height the upper part of a file ends, somewhere between two shares; None takes all of it.
+    ends: where in its height the upper part of a file ends, somewhere between two shares; of the others all is taken.
     """
 
     name: str
@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         files = [name.split() for name in (shot.picture or "" for shot in sheet.shots)]
         paths = [folder / name for folder, names in zip(folders, files, strict=True) for name in names]
         save(sheet, paths, options.out / f"{sheet.name}.png")
-        commands = [f"`python -m hopdiff {' '.join(shot.overrides)}`".replace(f"{CLIPS}/", "") for shot in sheet.shots]
+        commands = [f"`{command(shot, options.runs)}`" for shot in sheet.shots]
         rows.append((f"{sheet.name}.png", ", ".join(commands), ", ".join(files[0]), commits(folders)))
     table = markdown(("picture", "command", "file", "at commit"), rows)
     (options.out / "README.md").write_text(f"{HEAD}\n{table}\n{TAIL}", encoding="utf-8")
@@ -102,24 +102,15 @@ def upper(picture: Image.Image, ends: Share) -> Image.Image:
 
 def save(sheet: Sheet, files: Sequence[Path], target: Path) -> None:
     """Lay pictures out and write them small."""
-    pictures = []
-    for file in files:
-        with Image.open(file) as image:
-            picture = image.convert("RGB")
-        pictures.append(upper(picture, sheet.ends[file.name]) if file.name in sheet.ends else picture)
+    pictures = [opened(file) for file in files]
+    pictures = [
+        upper(picture, sheet.ends[file.name]) if file.name in sheet.ends else picture
+        for file, picture in zip(files, pictures, strict=True)
+    ]
     if sheet.beside:
         height = min(picture.height for picture in pictures)
-        pictures = [p.resize((round(p.width * height / p.height), height), Image.Resampling.LANCZOS) for p in pictures]
-        whole = Image.new("RGB", (sum(p.width for p in pictures), height), "white")
-    else:
-        whole = Image.new("RGB", (max(p.width for p in pictures), sum(p.height for p in pictures)), "white")
-    left = top = 0
-    for picture in pictures:
-        whole.paste(picture, (left, top))
-        left, top = (left + picture.width, top) if sheet.beside else (left, top + picture.height)
-    smaller = whole.resize((sheet.width, round(whole.height * sheet.width / whole.width)), Image.Resampling.LANCZOS)
-    colours = smaller.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    colours.save(target, optimize=True)
+        pictures = [scaled(picture, round(picture.width * height / picture.height)) for picture in pictures]
+    write_small(scaled(laid_out(pictures, sheet.beside), sheet.width), target)
 
 
 if __name__ == "__main__":

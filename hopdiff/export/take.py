@@ -15,7 +15,7 @@ from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.loop import is_loop, repeated, repetitions
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.quaternion import slerp
-from hopdiff.models.gait import LEAST_FRAMES
+from hopdiff.models.gait import LEAST_FRAMES, enough_fps
 from hopdiff.motion import Motion
 from hopdiff.numerics import GRAVITY
 from hopdiff.types import HopdiffError
@@ -142,8 +142,7 @@ class Take:
         count = max(1, math.floor(duration * fps + 1e-6) if exact else round(duration * fps))
         if self.loop and count < LEAST_FRAMES <= self.frames:
             raise HopdiffError(
-                f"fps={fps:g} is too low for the loop {self.name} of {duration:.3f} s: at least"
-                f" {math.ceil(LEAST_FRAMES / duration)}."
+                f"fps={fps:g} is too low for the loop {self.name} of {duration:.3f} s: at least {enough_fps(duration)}."
             )
         frame_time = 1.0 / fps if exact else duration / count
         times = torch.arange(count + 1, dtype=torch.float64) * frame_time / self.clip.frame_time

@@ -61,9 +61,13 @@ def stride_frames(duration: float, fps: float) -> int:
     """Number of frame intervals of a stride that comes nearest to `fps`; raises HopdiffError if there is none."""
     intervals = round(duration * fps)
     if intervals < LEAST_FRAMES:
-        least = math.ceil(LEAST_FRAMES / duration)
-        raise HopdiffError(f"fps={fps:g} is too low for a stride of {duration:.3f} s: at least {least}.")
+        raise HopdiffError(f"fps={fps:g} is too low for a stride of {duration:.3f} s: at least {enough_fps(duration)}.")
     return intervals
+
+
+def enough_fps(duration: float) -> int:
+    """Frames/s that surely show a stride of so many seconds."""
+    return math.ceil(LEAST_FRAMES / duration)
 
 
 def phases(gait: Gait, strides: int) -> tuple[Phase, ...]:
