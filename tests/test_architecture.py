@@ -23,6 +23,7 @@ FLOORS = {
     "hopdiff.motion": 1,
     "hopdiff.physics": 1,
     "hopdiff.search": 1,
+    "hopdiff.terrain": 1,
     "hopdiff.proportions": 1,
     "hopdiff.character": 2,
     "hopdiff.genes": 2,
