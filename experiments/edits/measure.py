@@ -11,14 +11,14 @@ import torch
 from torch import Tensor
 
 from experiments.edits.cases import NAMED, Case, grid
-from hopdiff.editing.contacts import find_contacts, slide_numbers
-from hopdiff.editing.feet import clean_feet
 from hopdiff.editing.laplacian import laplacian
 from hopdiff.editing.leg_joints import facing, find_legs
 from hopdiff.editing.measure import path_measures
 from hopdiff.editing.root_path import RootPath, path_of, root_path, steps_of, with_root_path
 from hopdiff.editing.solve import SolveSettings
 from hopdiff.editing.targets import Constraint, edit_path
+from hopdiff.feet.contacts import find_contacts, slide_numbers
+from hopdiff.feet.planting import clean_feet
 from hopdiff.geometry.clip import Clip
 
 ALPHAS = (0.3, 0.5, math.inf)
@@ -62,7 +62,7 @@ def qualities(clips: dict[str, Clip]) -> list[tuple[str, ...]]:
         for case in NAMED:
             edited = edit_path(path, [case.constraint(path)], clip.frame_time).path
             moved = with_root_path(clip, path, edited)
-            clean = clean_feet(clip, moved, legs, contacts, (0, clip.frames - 1))
+            clean = clean_feet(clip, moved, contacts).clip
             m = path_measures(path, edited, clip.frame_time)
             before, after = slide_numbers(moved, contacts), slide_numbers(clean, contacts)
             rows.append(

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from torch import Tensor
 
-from hopdiff.editing.contacts import spans
 from hopdiff.editing.leg_joints import SIDES
 from hopdiff.export.anatomy import parts_of
 from hopdiff.export.take import Take
+from hopdiff.feet.contacts import spans
 from hopdiff.geometry.clip import Clip
 
 # Foot skating as in the code of Guided Motion Diffusion (Karunratanakul et al., ICCV 2023), which others use, too.

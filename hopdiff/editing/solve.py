@@ -41,6 +41,7 @@ class SolveSettings:
     turn: float = 0.002
     ridge: float = 1e-4
     standing: float = 50.0
+    ends: float = 1.0
     rounds: int = 50
 
 
@@ -99,14 +100,15 @@ class PathSolver:
         ridge = settings.ridge * (frame_time / FRAME) ** 4
         if weights is None:
             weights = torch.tensor((settings.side, settings.ahead, settings.turn), dtype=torch.float64)
-        bands = squared_bands(count)
-        bands[0] += ridge
-        slow = torch.zeros_like(bands)
-        slow[0] = settings.standing * ridge * self._slowness() ** 2
+        slow = ridge * self._slowness() ** 2
+        straight, turning = squared_bands(count), squared_bands(count)
+        straight[0] += slow
+        turning[0] += ridge + settings.standing * slow
+        for bands in (straight, turning):
+            bands[0, [0, -1]] += settings.ends
         # The matrices of left and ahead differ by a factor.
         self.weights = weights
-        self.straight = Banded(bands)
-        self.turning = Banded(bands + slow)
+        self.straight, self.turning = Banded(straight), Banded(turning)
 
     def _slowness(self) -> Tensor:
         """(T - 1,) mean speed over speed of every step."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
+from hopdiff.editing.course import course_of
 from hopdiff.editing.root_path import RootPath, steps_of
 from hopdiff.editing.solve import PathSolver, SolveSettings, Targets
 from hopdiff.types import HopdiffError
@@ -65,13 +66,17 @@ def edit_path(
     """
     begun = time.perf_counter()
     targets = targets_of(path, constraints, turn)
-    solver = PathSolver(path, frame_time, settings or SolveSettings())
+    # Steps are weighed along and across the way, whichever way the body faces.
+    course = course_of(path, frame_time)
+    targets = replace(targets, yaw=targets.yaw + course[targets.frames], start_yaw=targets.start_yaw + course[:1])
+    solver = PathSolver(RootPath(path.place, path.yaw + course), frame_time, settings or SolveSettings())
     ready = time.perf_counter()
     with torch.no_grad():
-        found = solver.solve(targets, None if guess is None else steps_of(guess).unsqueeze(0))
+        near = None if guess is None else steps_of(RootPath(guess.place, guess.yaw + course)).unsqueeze(0)
+        found = solver.solve(targets, near)
     done = time.perf_counter()
     return EditedPath(
-        RootPath(found.path.place[0], found.path.yaw[0]),
+        RootPath(found.path.place[0], found.path.yaw[0] - course),
         int(found.rounds[0]),
         float(found.error_place[0]),
         float(found.error_yaw[0]),

@@ -11,17 +11,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from torch import Tensor
 
-from hopdiff.editing.contacts import spans
-from hopdiff.editing.feet import RAMP, REACH, SETTLING, reached
 from hopdiff.editing.leg_joints import Leg
 from hopdiff.editing.loop import repeated, repetitions
 from hopdiff.export.target import Target
+from hopdiff.feet.contacts import spans
+from hopdiff.feet.prints import FootPrint, GroundMove, weights
+from hopdiff.feet.track import LegTrack, leg_tracks
+from hopdiff.feet.way import FootWay, lowering
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation, unwrap
 
+MOST_LOWERED = 0.3  # m by which a body is lowered whose legs are too short: proportions may differ
 TOUCH = 0.003  # m above the lowest point of a sole up to which others stand, too
 AROUND = 2.0  # s of a loop's neighbours that its contacts are seen with
 
@@ -69,11 +71,11 @@ class Sole:
 
 def foot_points(clip: Clip, soles: Sequence[Sole]) -> Tensor:
     """(T, 2, 3) where feet stand: the ball, or the sole below the ankle, or the end of the shank [m]."""
-    positions, frames = clip.forward()
+    frames = clip.forward()[1]
     found = []
-    for sole in soles:
+    for sole, track in zip(soles, leg_tracks(clip, [sole.leg for sole in soles]), strict=True):
         points = sole.points(frames)
-        found.append(_ankle(clip, sole.leg, positions, frames) + points[:, min(1, points.shape[1] - 1)])
+        found.append(track.ankle + points[:, min(1, points.shape[1] - 1)])
     return torch.stack(found, dim=1)
 
 
@@ -99,52 +101,48 @@ def planted(clip: Clip, soles: Sequence[Sole], contact: Tensor, loop: bool) -> C
 
 
 def _planted(clip: Clip, soles: Sequence[Sole], contact: Tensor) -> Clip:
-    positions, frames = clip.forward()
-    ankles, targets, turns = [], [], []
-    for k, sole in enumerate(soles):
-        ankle = _ankle(clip, sole.leg, positions, frames)
-        target, turn = _held(ankle, frames, sole, list(spans(contact[:, k])), clip.frame_time)
-        ankles.append(ankle)
-        targets.append(target)
-        turns.append(turn)
-    root = clip.root_position.clone()
-    root[:, 1] -= _sink(positions, soles, ankles, targets, clip.frame_time)
-    lowered, rotations = replace(clip, root_position=root), clip.rotations
-    for sole, target, turn in zip(soles, targets, turns, strict=True):
-        rotations = reached(lowered, clip, rotations, sole.leg, target, turn)
-    return replace(lowered, rotations=rotations)
+    tracks = leg_tracks(clip, [sole.leg for sole in soles])
+    frames = clip.forward()[1]
+    ways = [
+        _way(track, frames, sole, contact[:, k], clip.frame_time)
+        for k, (track, sole) in enumerate(zip(tracks, soles, strict=True))
+    ]
+    lowered = lowering(ways, MOST_LOWERED, ends=True)
+    root, rotations = clip.root_position.clone(), clip.rotations.clone()
+    root[:, 1] -= lowered
+    for way in ways:
+        way.pose(rotations, torch.eye(3, dtype=torch.float64), lowered)
+    return replace(clip, root_position=root, rotations=rotations)
 
 
-def _ankle(clip: Clip, leg: Leg, positions: Tensor, frames: Tensor) -> Tensor:
-    """(T, 3) ankle, or end of the shank [m]."""
-    if leg.ankle is not None:
-        return positions[:, leg.ankle]
-    return positions[:, leg.knee] + frames[:, leg.knee] @ clip.skeleton.end_sites[clip.skeleton.names[leg.knee]]
-
-
-def _held(
-    ankle: Tensor, frames: Tensor, sole: Sole, plants: list[tuple[int, int]], frame_time: float
-) -> tuple[Tensor, Tensor]:
-    """Where the ankle (T, 3) of a leg shall be [m], and the turn about y of its foot (T,) [rad]."""
+def _way(track: LegTrack, frames: Tensor, sole: Sole, stands: Tensor, frame_time: float) -> FootWay:
+    """The way of a foot whose frames (T, J, 3, 3) are the clip's, held while it stands (T,)."""
+    ankle = track.ankle
     times = torch.arange(len(ankle))
-    weights = [_weight(plants, number, len(ankle), frame_time) for number in range(len(plants))]
-    inside = [times.clamp(first, last) for first, last in plants]
+    still = GroundMove(torch.zeros((), dtype=torch.float64), torch.zeros(2, dtype=torch.float64))
+    prints = [FootPrint(first, last, still, False) for first, last in spans(stands)]
+    shares = torch.zeros(len(prints), len(ankle), dtype=torch.float64)
+    for number, (here, share) in enumerate(weights(prints, len(ankle), frame_time, ends=True)):
+        shares[number, here] = share
+    inside = [times.clamp(one.first, one.last) for one in prints]
     turn, change = torch.zeros(len(ankle), dtype=torch.float64), torch.zeros_like(ankle)
     if sole.leg.ankle is not None:
         # A foot that stands does not turn about the vertical.
         foot = frames[:, sole.leg.ankle]
         yaw = unwrap(torch.atan2(foot[:, 0, 2] - foot[:, 2, 0], foot[:, 0, 0] + foot[:, 2, 2]))
-        for (first, last), weight, at in zip(plants, weights, inside, strict=True):
-            turn = turn + weight * (yaw[first : last + 1].mean() - yaw)[at]
-    points = (axis_rotation("Y", turn)[:, None] @ sole.points(frames).unsqueeze(-1)).squeeze(-1)
-    for (first, last), weight, at in zip(plants, weights, inside, strict=True):
-        here = slice(first, last + 1)
+        for one, share, at in zip(prints, shares, inside, strict=True):
+            turn = turn + share * (yaw[one.frames].mean() - yaw)[at]
+    frame = axis_rotation("Y", turn)
+    points = (frame[:, None] @ sole.points(frames).unsqueeze(-1)).squeeze(-1)
+    for one, share, at in zip(prints, shares, inside, strict=True):
+        here = one.frames
         rolled = _rolled(points[here])
         rolled[:, [0, 2]] += (ankle[here] - rolled).mean(dim=0)[[0, 2]]
-        change = change + weight[:, None] * (rolled - ankle[here])[at - first]
+        change = change + share[:, None] * (rolled - ankle[here])[at - one.first]
     target = ankle + change
     target[:, 1] = torch.maximum(target[:, 1], -points[..., 1].amin(dim=1))
-    return target, turn
+    # Heels roll as the source's do: none is raised for the sake of reach before the body comes down.
+    return FootWay(track, track.hip, target, frame, stands, shares.sum(dim=0), torch.ones_like(turn), frame_time)
 
 
 def _rolled(points: Tensor) -> Tensor:
@@ -159,37 +157,3 @@ def _rolled(points: Tensor) -> Tensor:
     steps = -(points.diff(dim=0) * both.unsqueeze(-1)).sum(dim=1) / both.sum(dim=1, keepdim=True)
     way = torch.cat((torch.zeros_like(points[:1, 0]), steps.cumsum(dim=0)))
     return torch.stack((way[:, 0], -points[..., 1].amin(dim=1), way[:, 2]), dim=-1)
-
-
-def _weight(plants: list[tuple[int, int]], number: int, frames: int, frame_time: float) -> Tensor:
-    """(T,) 1 in a contact, 0 after a ramp on either side; those that share a swing sum to 1 at most."""
-    first, last = plants[number]
-    sooner = plants[number - 1][1] if number else -frames
-    later = plants[number + 1][0] if number + 1 < len(plants) else 2 * frames
-    before, after = (min(RAMP / frame_time, float(gap)) for gap in (first - sooner, later - last))
-    times = torch.arange(frames, dtype=torch.float64)
-    x = torch.minimum(1.0 - (first - times) / before, 1.0 - (times - last) / after).clamp(0.0, 1.0)
-    return x**2 * (3.0 - 2.0 * x)
-
-
-def _sink(
-    positions: Tensor, soles: Sequence[Sole], ankles: Sequence[Tensor], targets: Sequence[Tensor], frame_time: float
-) -> Tensor:
-    """(T,) how far the body must go down for all feet to be within reach, changing slowly [m]."""
-    need = torch.zeros(len(positions), dtype=torch.float64)
-    for sole, ankle, target in zip(soles, ankles, targets, strict=True):
-        hip, knee = positions[:, sole.leg.hip], positions[:, sole.leg.knee]
-        length = (knee - hip).norm(dim=-1) + (ankle - knee).norm(dim=-1)
-        longest = torch.maximum(REACH * length, (ankle - hip).norm(dim=-1))
-        gap = target - hip
-        room = (longest**2 - gap[:, 0] ** 2 - gap[:, 2] ** 2).clamp_min(0.0).sqrt()
-        need = torch.maximum(need, -gap[:, 1] - room)
-    if float(need.max()) <= 1e-9:
-        return torch.zeros_like(need)
-    wide = 2 * max(1, round(0.5 * SETTLING / frame_time)) + 1
-    # Twice the mean over half the window each: no corners.
-    smooth = maximum_filter1d(need.numpy(), wide, mode="nearest")
-    narrow = wide // 2 // 2 * 2 + 1
-    for _ in range(2):
-        smooth = uniform_filter1d(smooth, narrow, mode="nearest")
-    return torch.from_numpy(smooth)

@@ -19,13 +19,13 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hopdiff.editing.contacts import spans
 from hopdiff.editing.leg_joints import SIDES
 from hopdiff.editing.loop import repetitions
 from hopdiff.export.anatomy import parts_of
 from hopdiff.export.glb import glb_bytes
 from hopdiff.export.ground import ground_path
 from hopdiff.export.take import Take
+from hopdiff.feet.contacts import spans
 from hopdiff.io.files import write_whole
 from hopdiff.io.record import finite
 from hopdiff.types import HopdiffError

@@ -15,13 +15,13 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hopdiff.editing.contacts import spans
 from hopdiff.editing.leg_joints import SIDES
 from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.export.planting import Sole, foot_points, planted
 from hopdiff.export.prepare import with_way_on_root
 from hopdiff.export.take import Take
 from hopdiff.export.target import TRUNK, Target, body_of, read_target, target_of
+from hopdiff.feet.contacts import spans
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation, between_directions
 from hopdiff.io.bvh import BvhFile

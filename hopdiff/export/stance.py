@@ -13,10 +13,11 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from torch import Tensor
 from torch.nn import functional
 
-from hopdiff.editing.contacts import spans
-from hopdiff.editing.feet import reached
 from hopdiff.editing.leg_joints import Leg
 from hopdiff.export.take import Take
+from hopdiff.feet.contacts import spans
+from hopdiff.feet.reach import heel_angle
+from hopdiff.feet.track import bent, leg_tracks
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton
 
@@ -74,7 +75,8 @@ def _posed(take: Take, rotations: Tensor, k: int, foot: _Foot) -> Tensor:
     aim = ankle + _carried(aim - ankle, contact, swing)
     pitch = _carried(pitch, contact, swing)
     # In mid-swing the foot hangs from the shank that the reach leaves; toes are lifted where they would scrape.
-    rotations = reached(take.clip, take.clip, rotations, leg, aim, torch.zeros(len(aim), dtype=torch.float64))
+    rotations, track = rotations.clone(), leg_tracks(take.clip, (leg,))[0]
+    bent(track, rotations, torch.eye(3, dtype=torch.float64), track.hip, aim, track.foot, track.toe)
     posed = take.clip.skeleton.forward(take.clip.root_position, rotations)
     ankle, shank = posed[0][:, leg.ankle], posed[1][:, leg.knee]
     hanging = torch.atan2(-shank[:, 1, 2], shank[:, 1, 1]) + POINTED
@@ -96,21 +98,9 @@ def _level(frame: Tensor) -> Tensor:
 
 def _heel(hip: Tensor, reach: Tensor, ball: Tensor, level: Tensor, offset: Tensor) -> Tensor:
     """(T,) pitch of a foot on its ball (3,), heel up, that puts its ankle as far from the hip (T, 3) as it was, reach
-    (T,); 0 at least. level: (3, 3) frame of the level foot, offset: (3,) from its ankle to its ball.
-
-    The distance goes with the angle as its cosine law: a cos(pitch) + c sin(pitch) = half the difference of squares.
-    """
-    towards = (hip - ball) @ level
-    arm = -offset  # from ball to ankle
-    fixed = towards[:, 0] * arm[0]
-    a = towards[:, 1] * arm[1] + towards[:, 2] * arm[2]
-    c = towards[:, 2] * arm[1] - towards[:, 1] * arm[2]
-    half = 0.5 * ((towards**2).sum(-1) + (arm**2).sum() - reach**2) - fixed
-    size = torch.sqrt(a**2 + c**2)
-    middle, wide = torch.atan2(c, a), torch.acos((half / size).clamp(-1.0, 1.0))
-    # Of the two answers the one nearer to level.
-    first, second = middle - wide, middle + wide
-    pitch = torch.where(first.abs() < second.abs(), first, second)
+    (T,) [rad]; 0 at least, without a corner. level: (3, 3) frame of the level foot, offset: (3,) from its ankle to its
+    ball."""
+    pitch = heel_angle(hip, ball - level @ offset, ball, reach)
     return 0.5 * (pitch + torch.sqrt(pitch**2 + SOFT**2))
 
 

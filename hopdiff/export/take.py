@@ -10,9 +10,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hopdiff.editing.contacts import contact_points, find_contacts
 from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.loop import is_loop, repeated, repetitions
+from hopdiff.feet.contacts import contact_points, find_contacts
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.quaternion import slerp
 from hopdiff.models.gait import LEAST_FRAMES, enough_fps

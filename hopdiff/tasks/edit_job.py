@@ -7,14 +7,14 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from hopdiff.editing.contacts import Contacts, find_contacts, slide_numbers
-from hopdiff.editing.feet import clean_feet
 from hopdiff.editing.leg_joints import Leg, facing, find_legs
 from hopdiff.editing.loop import is_loop, repeated
 from hopdiff.editing.measure import path_measures
 from hopdiff.editing.paper import edit_path_as_paper
 from hopdiff.editing.root_path import RootPath, root_path, with_root_path
 from hopdiff.editing.targets import Constraint, EditedPath, edit_path
+from hopdiff.feet.contacts import Contacts, find_contacts, slide_numbers
+from hopdiff.feet.planting import clean_feet
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import BvhFile
 from hopdiff.tasks.edit_request import EditSettings, Request
@@ -92,8 +92,7 @@ def edit(source: Source, request: Request, settings: EditSettings) -> Edit:
     milliseconds = dict(solved.milliseconds)
     cleaned, start = moved, time.perf_counter()
     if settings.feet and source.contacts is not None:
-        bound = sorted({one.frame for one in constraints})
-        cleaned = clean_feet(clip, moved, source.legs, source.contacts, bound if request.curve is None else ())
+        cleaned = clean_feet(clip, moved, source.contacts).clip
         milliseconds["feet"] = 1e3 * (time.perf_counter() - start)
     milliseconds["all"] = 1e3 * (time.perf_counter() - begun)
     metrics: dict[str, Any] = {

@@ -8,7 +8,7 @@ from typing import Any
 
 import torch
 
-from hopdiff.editing.contacts import contact_points
+from hopdiff.feet.contacts import contact_points
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import write_bvh
 from hopdiff.io.events import write_events

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from hopdiff.doors import config_folder
-from hopdiff.editing.contacts import find_contacts, slide_numbers
-from hopdiff.editing.feet import clean_feet
 from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.measure import path_measures
+from hopdiff.feet.contacts import find_contacts, slide_numbers
+from hopdiff.feet.planting import clean_feet
 from hopdiff.graph.graph import build_graph
 from hopdiff.graph.scene import Place, Scene
 from hopdiff.graph.scene_file import read_scene
@@ -127,7 +127,7 @@ def _with_clean_feet(way: Way) -> tuple[Way, dict[str, float]]:
     if not legs:
         return way, {}
     contacts = find_contacts(way.graph_clip, legs)
-    clean = clean_feet(way.graph_clip, way.clip, legs, contacts, (0, way.clip.frames - 1), still=True)
+    clean = clean_feet(way.graph_clip, way.clip, contacts, still=True).clip
     stages = {"graph": way.graph_clip, "edited": way.clip, "cleaned": clean}
     numbers = {
         f"{name}_{stage}": value

@@ -7,13 +7,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from hopdiff.editing.contacts import spans
 from hopdiff.export.anatomy import SCHEMES, parts_of
 from hopdiff.export.full_body import full_body
 from hopdiff.export.pose import with_rest_pose
 from hopdiff.export.prepare import with_ground_root
 from hopdiff.export.retarget import read_target, retargeted, write_retargeted
 from hopdiff.export.take import Take
+from hopdiff.feet.contacts import spans
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton

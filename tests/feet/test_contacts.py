@@ -6,8 +6,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from hopdiff.editing.contacts import FLOOR, Contacts, contact_points, find_contacts, leg_length, slide_numbers
 from hopdiff.editing.leg_joints import find_legs
+from hopdiff.feet.contacts import FLOOR, Contacts, contact_points, find_contacts, leg_length, slide_numbers
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
 
@@ -149,10 +149,10 @@ def test_only_standing_points_slide() -> None:
     whole = contacts_of(clip)
     touching = torch.zeros_like(whole.touching)
     touching[:11, 0] = touching[30:41, 3] = True
-    found = slide_numbers(clip, Contacts(whole.legs, whole.points, whole.names, touching, whole.floor))
+    found = slide_numbers(clip, Contacts(whole.legs, whole.points, whole.names, touching, whole.floor, whole.level))
     # 10 steps of the left heel stand still, 10 of the right toe go at .3 m/s.
     assert found["slide_speed"] == pytest.approx(0.15)
     assert found["drift"] == pytest.approx(0.03)
     assert found["contact_share"] == pytest.approx(22 / 41)
-    nothing = Contacts(whole.legs, whole.points, whole.names, torch.zeros_like(touching), whole.floor)
+    nothing = Contacts(whole.legs, whole.points, whole.names, torch.zeros_like(touching), whole.floor, whole.level)
     assert slide_numbers(clip, nothing)["slide_speed"] == slide_numbers(clip, nothing)["drift"] == 0.0

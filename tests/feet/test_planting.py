@@ -9,12 +9,12 @@ from functools import cache
 import pytest
 import torch
 
-from hopdiff.editing.contacts import Contacts, contact_points, find_contacts, leg_length, slide_numbers, spans
-from hopdiff.editing.feet import clean_feet
 from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.loop import repeated
 from hopdiff.editing.root_path import RootPath, root_path, with_root_path
 from hopdiff.editing.targets import Constraint, edit_path
+from hopdiff.feet.contacts import Contacts, contact_points, find_contacts, leg_length, slide_numbers, spans
+from hopdiff.feet.planting import clean_feet
 from hopdiff.geometry.clip import Clip
 from tests.editing.walks import stride, stride_motion
 from tests.people import RUN, WALK, Gait, clip_of
@@ -132,7 +132,7 @@ def test_spans_are_runs_of_true() -> None:
 def test_without_an_edit_nothing_is_cleaned(name: str) -> None:
     clip = source(name)
     contacts = contacts_of(clip)
-    assert difference(clean_feet(clip, clip, contacts.legs, contacts), clip) < 1e-6
+    assert difference(clean_feet(clip, clip, contacts).clip, clip) < 1e-6
 
 
 @pytest.mark.parametrize(("where", "turn"), TURNS)
@@ -142,9 +142,9 @@ def test_feet_stand_as_still_as_in_the_source(name: str, where: str, turn: float
     contacts = contacts_of(clip)
     moved = edited(clip, where, turn)
     ends = (0, clip.frames - 1)
-    clean = clean_feet(clip, moved, contacts.legs, contacts, ends)
+    clean = clean_feet(clip, moved, contacts).clip
     own, before, after = (slide_numbers(c, contacts) for c in (clip, moved, clean))
-    assert before["slide_speed"] > own["slide_speed"] + 0.01
+    assert before["slide_speed"] > own["slide_speed"] + 0.005
     assert after["slide_speed"] < own["slide_speed"] + 0.02
     assert after["drift"] < own["drift"] + 0.01
     assert after["foot_depth"] < max(0.005, own["foot_depth"] + 1e-6)
@@ -153,7 +153,7 @@ def test_feet_stand_as_still_as_in_the_source(name: str, where: str, turn: float
         assert (clean.rotations[frame] - moved.rotations[frame]).abs().max() < 1e-6
         assert (clean.root_position[frame] - moved.root_position[frame]).abs().max() < 1e-9
     # Only legs move, and the root up and down.
-    legs = {joint for leg in contacts.legs for joint in (leg.hip, leg.knee, leg.ankle) if joint is not None}
+    legs = {joint for leg in contacts.legs for joint in (leg.hip, leg.knee, leg.ankle, leg.toe) if joint is not None}
     others = [joint for joint in range(len(clip.skeleton.names)) if joint not in legs]
     assert torch.equal(clean.rotations[:, others], moved.rotations[:, others])
     assert torch.equal(clean.root_position[:, [0, 2]], moved.root_position[:, [0, 2]])
@@ -164,15 +164,15 @@ def test_cleaning_again_changes_nothing(name: str) -> None:
     clip = source(name)
     contacts = contacts_of(clip)
     moved = edited(clip, "aside", 90.0)
-    once = clean_feet(clip, moved, contacts.legs, contacts, (0, clip.frames - 1))
-    assert difference(clean_feet(clip, once, contacts.legs, contacts, (0, clip.frames - 1)), once) < 2e-6
+    once = clean_feet(clip, moved, contacts).clip
+    assert difference(clean_feet(clip, once, contacts).clip, once) < 2e-6
 
 
 @pytest.mark.parametrize(
     ("name", "quicker"),
     [("own", 1.1), ("walk", 1.2), ("run", 1.1), ("walk_straight_cmu_07_01", 1.1), ("run_cmu_16_35", 1.1)],
 )
-def test_a_frame_that_stays_next_to_a_contact_does_not_make_the_foot_jump(name: str, quicker: float) -> None:
+def test_a_bound_frame_next_to_a_contact_does_not_make_the_foot_jump(name: str, quicker: float) -> None:
     clip = source(name)
     contacts, path = contacts_of(clip), root_path(clip)
     last = clip.frames - 1
@@ -190,8 +190,8 @@ def test_a_frame_that_stays_next_to_a_contact_does_not_make_the_foot_jump(name: 
         bound = Constraint(frame, (float(place[0]), float(place[1])), keep=True)
         solved = edit_path(path, [bound, Constraint(last, end, keep=True)], clip.frame_time)
         moved = with_root_path(clip, path, solved.path)
-        clean = clean_feet(clip, moved, contacts.legs, contacts, (0, frame, last))
-        assert (clean.rotations[frame] - moved.rotations[frame]).abs().max() < 1e-6
+        clean = clean_feet(clip, moved, contacts).clip
+        assert torch.equal(clean.root_position[:, [0, 2]], moved.root_position[:, [0, 2]])
         assert fastest(clean) < quicker * fastest(clip)
         assert slide_numbers(clean, contacts)["drift"] < slide_numbers(clip, contacts)["drift"] + 0.015
 
@@ -201,7 +201,7 @@ def test_a_leg_that_is_too_short_lowers_the_root_for_a_while(name: str) -> None:
     clip = source(name)
     contacts = contacts_of(clip)
     moved = edited(clip, "aside", None)
-    clean = clean_feet(clip, moved, contacts.legs, contacts)
+    clean = clean_feet(clip, moved, contacts).clip
     lowered = (moved.root_position - clean.root_position)[:, 1]
     assert 0.01 < float(lowered.max()) < 0.15
     assert float(lowered.min()) > -1e-9
@@ -213,7 +213,7 @@ def test_feet_that_slide_in_the_source_can_be_held_too(name: str) -> None:
     clip = source(name)
     contacts = contacts_of(clip)
     ends = (0, clip.frames - 1)
-    still = clean_feet(clip, clip, contacts.legs, contacts, ends, still=True)
+    still = clean_feet(clip, clip, contacts, still=True).clip
     before, after = slide_numbers(clip, contacts), slide_numbers(still, contacts)
     assert after["slide_speed"] < 0.75 * before["slide_speed"]
     assert fastest(still) < 1.5 * fastest(clip)
@@ -226,7 +226,7 @@ def test_a_foot_does_in_a_contact_what_it_did_turned_by_the_mean_and_where_it_wa
     clip = sliding_run()
     contacts = contacts_of(clip)
     moved = edited(clip, "same place", 90.0)
-    clean = clean_feet(clip, moved, contacts.legs, contacts)
+    clean = clean_feet(clip, moved, contacts).clip
     turn = root_path(moved).yaw - root_path(clip).yaw
     ground = [torch.complex(p[..., 2], p[..., 0]) for p in (contact_points(c, contacts) for c in (clip, moved, clean))]
     source, led, found = ground
@@ -243,27 +243,33 @@ def test_a_foot_does_in_a_contact_what_it_did_turned_by_the_mean_and_where_it_wa
     assert turned > 1e-4
 
 
-def test_frames_that_stay_say_where_a_foot_stands() -> None:
-    clip = sliding_run()
+@pytest.mark.parametrize("end", [0, -1])
+def test_the_ends_of_a_clip_say_where_their_feet_stand(end: int) -> None:
+    whole = sliding_run()
+    plants = contacts_of(whole).plants(0)
+    first, last = plants[1 if end == 0 else -2]
+    middle = (first + last) // 2
+    here = slice(middle, None) if end == 0 else slice(None, middle + 1)
+    clip = replace(whole, root_position=whole.root_position[here], rotations=whole.rotations[here])
     contacts = contacts_of(clip)
     moved = edited(clip, "same place", 90.0)
-    first, last = contacts.plants(0)[2]
-    kept = (first + last) // 2
-    clean = clean_feet(clip, moved, contacts.legs, contacts, (kept,))
-    assert (clean.rotations[kept] - moved.rotations[kept]).abs().max() < 1e-6
+    clean = clean_feet(clip, moved, contacts).clip
+    assert (clean.rotations[end] - moved.rotations[end]).abs().max() < 1e-6
     before, led, found = (
         torch.complex(p[:, 0, 2], p[:, 0, 0]) for p in (contact_points(c, contacts) for c in (clip, moved, clean))
     )
-    turn = (root_path(moved).yaw - root_path(clip).yaw)[kept]
-    here = slice(first, last + 1)
-    wanted = led[kept] + torch.polar(torch.ones_like(turn), turn) * (before[here] - before[kept])
-    assert float((found[here] - wanted).abs().max()) < 1e-5
+    turn = (root_path(moved).yaw - root_path(clip).yaw)[end]
+    first, last = contacts.plants(0)[end]
+    stands = slice(first, last + 1)
+    wanted = led[end] + torch.polar(torch.ones_like(turn), turn) * (before[stands] - before[end])
+    assert last - first > 5
+    assert float((found[stands] - wanted).abs().max()) < 1e-5
 
 
 def test_feet_that_a_moving_floor_carries_are_held_if_that_is_asked() -> None:
     clip = sliding_run()
     contacts = contacts_of(clip)
-    still = clean_feet(clip, clip, contacts.legs, contacts, still=True)
+    still = clean_feet(clip, clip, contacts, still=True).clip
     before, after = slide_numbers(clip, contacts), slide_numbers(still, contacts)
     assert before["slide_speed"] == pytest.approx(0.2, abs=0.02)
     assert after["slide_speed"] < 0.02
@@ -274,7 +280,7 @@ def test_feet_that_a_moving_floor_carries_are_held_if_that_is_asked() -> None:
         for first, last in contacts.plants(leg):
             here = slice(first, last + 1)
             assert (own[here, leg].mean(dim=0) - held[here, leg].mean(dim=0)).norm() < 1e-4
-    assert difference(clean_feet(clip, clip, contacts.legs, contacts), clip) < 1e-6
+    assert difference(clean_feet(clip, clip, contacts).clip, clip) < 1e-6
 
 
 def test_a_root_sinks_only_as_far_as_its_legs_are_too_short() -> None:
@@ -285,7 +291,7 @@ def test_a_root_sinks_only_as_far_as_its_legs_are_too_short() -> None:
     count = clip.frames
     wave = 0.25 * torch.sin(torch.linspace(0.0, 40.0, count, dtype=torch.float64))
     moved = with_root_path(clip, path, RootPath(path.place + torch.stack((wave, 0.0 * wave), dim=-1), path.yaw))
-    clean = clean_feet(clip, moved, contacts.legs, contacts)
+    clean = clean_feet(clip, moved, contacts).clip
     lowered = (clip.root_position - clean.root_position)[:, 1]
     assert float(lowered.min()) > -1e-9
     assert 0.005 < float(lowered.max()) < 0.2
@@ -300,4 +306,4 @@ def test_a_root_sinks_only_as_far_as_its_legs_are_too_short() -> None:
         assert float((reach - torch.maximum(own, torch.tensor(0.995 * leg_length(clip, leg)))).max()) < 1e-6
     # Nothing sinks that need not.
     flat = with_root_path(clip, path, RootPath(path.place + torch.tensor([3.0, 1.0]), path.yaw))
-    assert torch.equal(clean_feet(clip, flat, contacts.legs, contacts).root_position, flat.root_position)
+    assert torch.equal(clean_feet(clip, flat, contacts).clip.root_position, flat.root_position)

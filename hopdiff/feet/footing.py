@@ -1,0 +1,119 @@
+"""Feet on ground that is not level: prints on treads and slopes, swings over edges, and a body that follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+from scipy.ndimage import gaussian_filter1d
+from torch import Tensor
+from torch.nn import functional
+
+from hopdiff.feet.prints import FootPrint, GroundMove
+from hopdiff.feet.track import LegTrack, smooth_step
+from hopdiff.feet.way import apart, smoothed, turned, widest
+from hopdiff.geometry.rotation import from_vector
+from hopdiff.terrain.ground import Ground
+
+TOES, HEEL = 0.07, 0.05  # m that a sole reaches before the ball and behind the ankle
+FOOT = 0.14  # m from ankle to ball where the skeleton does not say
+SPARE = 0.03  # m above whatever is under a foot in the air that it keeps, unless the source is lower
+REACH = 0.1  # m around a foot in the air that is kept clear
+SWING = 0.1  # s in which it gets over an edge
+FOLLOW = 0.15  # s over which the body follows its feet (standard deviation)
+
+
+class Footing:
+    """The prints of one foot on a ground.
+
+    middle: (T, 3) of the foot in the source [m]. low: (T,) of its lowest point above the ground there [m]. level: (T,)
+    height of that ground [m]. prints: those given, moved onto treads. rise: (T,) by how much the foot is lifted [m].
+    """
+
+    def __init__(
+        self,
+        ground: Ground,
+        track: LegTrack,
+        edit: GroundMove,
+        prints: Sequence[FootPrint],
+        middle: Tensor,
+        low: Tensor,
+        level: Tensor,
+    ) -> None:
+        self.ground, self.track, self.low, self.level = ground, track, low, level
+        self.middle = middle
+        arm = None if track.ball is None else (track.ball - track.ankle)[:, [0, 2]]
+        half = 0.5 * (FOOT if arm is None else float(arm.norm(dim=-1).mean()))
+        self.ahead, self.behind = half + TOES, half + HEEL
+        self.prints, rises, tilts, centres = [], [], [], []
+        for one in prints:
+            move = one.move if one.move.turn.dim() == 0 else one.move.at(len(one.move.turn) // 2)
+            centre = move(middle[one.frames].mean(dim=0))[[0, 2]]
+            along = _heading(track, one) + move.turn
+            by = ground.footing(centre[None], along[None], self.ahead, self.behind)[0]
+            if one.pinned:
+                by = torch.zeros_like(by)
+            centre = centre + by
+            self.prints.append(replace(one, move=one.move.shifted(by)))
+            normal = ground.sole_normal(centre, along, self.ahead, self.behind)
+            rises.append(ground.height(centre) - level[one.frames].mean())
+            tilts.append(torch.stack((normal[2], torch.zeros_like(normal[0]), -normal[0])))
+            centres.append(centre)
+        own = edit(middle)[:, [0, 2]]
+        if prints:
+            self.rise = between(prints, torch.stack(rises), len(own))
+            self.tilt = between(prints, torch.stack(tilts), len(own))
+            self.centre = between(prints, torch.stack(centres), len(own))
+        else:
+            self.rise = ground.mean_height(own, REACH) - level
+            self.tilt, self.centre = torch.zeros(len(own), 3, dtype=torch.float64), own
+
+    def lifted(self, ankle: Tensor, frame: Tensor, stands: Tensor, frame_time: float) -> tuple[Tensor, Tensor]:
+        """The way of an ankle (T, 3) on level ground [m] and the turns (T, 3, 3) of its foot, on this ground."""
+        # The axis of the tilt is up x normal; its length the sine of the slope.
+        sine = self.tilt.norm(dim=-1, keepdim=True).clamp(1e-12, 1.0)
+        tilt = from_vector(self.tilt / sine * torch.asin(sine))
+        middle = ankle + turned(frame, self.middle - self.track.ankle)
+        steep = torch.tan(torch.asin(sine[:, 0])) / sine[:, 0]
+        slope = torch.stack((self.tilt[:, 2], -self.tilt[:, 0]), dim=-1) * steep[:, None]
+        off = middle[:, [0, 2]] - self.centre
+        rise = self.rise + torch.where(stands, (slope * off).sum(-1), (slope * off.clamp(-0.1, 0.1)).sum(-1))
+        up = torch.stack((torch.zeros_like(rise), rise, torch.zeros_like(rise)), dim=-1)
+        placed = middle + up + turned(tilt, ankle - middle)
+        away = apart(stands) * frame_time
+        # What is under a foot in the air is looked at from above, as far as it may come to be.
+        over = self.ground.height_over(middle[:, [0, 2]], REACH)
+        need = (over + self.low.clamp(0.0, SPARE) - (self.low + self.level + rise)).clamp_min(0.0)
+        need = torch.where(stands, torch.zeros_like(need), need)
+        wide = 2 * max(1, round(0.5 * SWING / frame_time)) + 1
+        clear = smoothed(widest(need, wide), wide) * smooth_step(away / SWING)
+        placed[:, 1] += clear
+        return placed, tilt @ frame
+
+
+def body_rise(feet: Sequence[Footing], frame_time: float) -> Tensor:
+    """(T,) by how much a body is lifted that follows the ground under its feet [m]."""
+    mean = torch.stack([foot.rise for foot in feet]).mean(dim=0)
+    smooth = gaussian_filter1d(mean.numpy(), FOLLOW / frame_time, mode="nearest")
+    return torch.from_numpy(smooth)
+
+
+def between(prints: Sequence[FootPrint], values: Tensor, frames: int) -> Tensor:
+    """(T, ...) values (K, ...) of prints: the same all through a contact, and from one to the next without a corner."""
+    firsts = torch.tensor([one.first for one in prints], dtype=torch.float64)
+    lasts = torch.tensor([one.last for one in prints], dtype=torch.float64)
+    times = torch.arange(frames, dtype=torch.float64)
+    before = (torch.searchsorted(firsts, times, right=True) - 1).clamp_min(0)
+    after = (before + 1).clamp_max(len(prints) - 1)
+    gap = (firsts[after] - lasts[before]).clamp_min(1.0)
+    share = torch.where(after > before, smooth_step((times - lasts[before]) / gap), torch.zeros_like(times))
+    return torch.lerp(values[before], values[after], share.reshape(-1, *[1] * (values.dim() - 1)))
+
+
+def _heading(track: LegTrack, one: FootPrint) -> Tensor:
+    """() where a foot points in its contact, in the source [rad]."""
+    arm = track.lower[one.frames, :, 2] if track.ball is None else track.ball[one.frames] - track.ankle[one.frames]
+    x, z = functional.normalize(arm[:, [0, 2]], dim=-1).mean(dim=0).unbind()
+    return torch.atan2(x, z) if math.hypot(float(x), float(z)) > 0 else torch.zeros_like(x)

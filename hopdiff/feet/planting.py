@@ -1,0 +1,209 @@
+"""Feet that stand still again after the path of a clip was changed, on level ground or on any other.
+
+The edit moves every frame by a turn and a shift of its own, so a foot that stood still over many frames slides. For
+the time of a contact one turn and shift is taken for all of its frames instead: the foot then does exactly what it did
+in the source, elsewhere. Legs follow by inverse kinematics, as they were bent. Where a leg is too short for a print,
+its heel comes up first, as long as only its ball stands; then the print moves a little along the way; then the body
+comes down, by no more than people do; and what is still out of reach is given up: the foot lands later or leaves
+sooner.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from hopdiff.editing.root_path import root_path
+from hopdiff.feet.contacts import Contacts
+from hopdiff.feet.footing import Footing, body_rise
+from hopdiff.feet.prints import FootPrint, GroundMove, foot_prints, shortened, spread, weights
+from hopdiff.feet.reach import lacking, longest
+from hopdiff.feet.track import LegTrack, leg_tracks, smooth_step
+from hopdiff.feet.way import HEEL_RAMP, FootWay, apart, lowering, smoothed, sunk, widest
+from hopdiff.geometry.clip import Clip
+from hopdiff.geometry.rotation import axis_rotation
+from hopdiff.terrain.ground import Ground
+
+LOWEST = 0.07  # m by which the root is lowered at most
+MISS = 0.003  # m that a foot in contact may be off its print
+SHIFTS = (0.0, 0.03, -0.03, 0.06, -0.06, 0.1, -0.1, 0.14, -0.14)  # m along the way by which prints are tried
+SHIFT_COST = 0.1  # m of lowering that a metre of a shifted print counts as
+PASSES = 3  # of giving up contacts that are out of reach
+RISE = 0.02  # m by which a foot is lifted where it stood in the source and cannot
+CLEAR = 0.08  # s in which that is done
+
+
+@dataclass(frozen=True, eq=False)
+class Planted:
+    """clip: with feet that stand. touching: (T, L) bool, which feet stand. given_up: (T, L) bool, those that do in the
+    source and cannot here. lowered: (T,) by how much the root is, against the ground [m]."""
+
+    clip: Clip
+    touching: Tensor
+    given_up: Tensor
+    lowered: Tensor
+
+
+def clean_feet(
+    source: Clip, edited: Clip, contacts: Contacts, ground: Ground | None = None, still: bool = False
+) -> Planted:
+    """The edited clip with feet that stand where the source's stand.
+
+    edited: the source on another root path; contacts: of the source. The first and the last frame stay as they are.
+    ground: what it walks on, level at height 0 if None. still: whether feet that slide in the source, as in a blend of
+    two motions, are held too. Otherwise doing it again changes nothing, and neither does it without an edit.
+    """
+    edit = GroundMove.between(root_path(source), root_path(edited))
+    if ground is not None and ground.flat:
+        ground = None
+    tracks = leg_tracks(source, contacts.legs)
+    feet = [_Foot(track, edit, contacts, k, source.frame_time, ground, still) for k, track in enumerate(tracks)]
+    rise = torch.zeros(source.frames, dtype=torch.float64)
+    if ground is not None:
+        rise = body_rise([foot.footing for foot in feet if foot.footing is not None], source.frame_time)
+    for _ in range(PASSES):
+        ways = [foot.way(rise) for foot in feet]
+        lowered = lowering(ways, LOWEST, ends=False)
+        given_up = [foot.give_up(way.missed(lowered)) for foot, way in zip(feet, ways, strict=True)]
+        if not any(given_up):
+            break
+    else:
+        ways = [foot.way(rise) for foot in feet]
+    root = edited.root_position.clone()
+    root[:, 1] = (source.root_position[:, 1].double() + rise - lowered).to(root)
+    rotations = edited.rotations.clone()
+    turn = axis_rotation("Y", edit.turn)
+    for way in ways:
+        way.pose(rotations, turn, lowered)
+    stands = torch.stack([foot.stands for foot in feet], dim=-1)
+    stood = torch.stack([foot.stood for foot in feet], dim=-1)
+    return Planted(replace(edited, root_position=root, rotations=rotations), stands, stood & ~stands, lowered)
+
+
+class _Foot:
+    """One foot: where its prints are, and the way that its ankle takes from one to the next."""
+
+    def __init__(
+        self,
+        track: LegTrack,
+        edit: GroundMove,
+        contacts: Contacts,
+        number: int,
+        frame_time: float,
+        ground: Ground | None,
+        still: bool,
+    ) -> None:
+        self.track, self.edit, self.frame_time = track, edit, frame_time
+        self.hip = edit(track.hip)
+        own = [i for i, (which, _) in enumerate(contacts.points) if which == number]
+        joints = [contacts.points[i][1] for i in own]
+        points = torch.stack([track.point(joint) for joint in joints], dim=1)
+        touching = contacts.touching[:, own]
+        self.stands = self.stood = touching.any(dim=-1)
+        heels = [touching[:, n] for n, joint in enumerate(joints) if joint == track.leg.ankle]
+        heel = torch.stack(heels).any(0) if heels else ~self.stood
+        self.flat = smooth_step(1.0 - apart(heel) * frame_time / HEEL_RAMP)
+        self.slide = _slide(points, touching) if still else None
+        self.middle = points.mean(dim=1)
+        self.prints = foot_prints(edit, self.middle, contacts.plants(number), frame_time)
+        self.footing: Footing | None = None
+        if ground is None:
+            self.prints = [self._shifted(one) for one in self.prints]
+        else:
+            low = (points[..., 1] - contacts.heights()[:, own]).amin(dim=-1)
+            self.footing = Footing(ground, track, edit, self.prints, self.middle, low, contacts.level[:, number])
+            self.prints = self.footing.prints
+
+    def _shifted(self, one: FootPrint) -> FootPrint:
+        """The print moved along the way to where the body must be lowered least, if it must be."""
+        if one.pinned:
+            return one
+        here, track = one.frames, self.track
+        hip, reach, free = self.hip[here], longest(track)[here], 1.0 - self.flat[here]
+        ankle, ball = one.move(self._own(one, here)), None if track.ball is None else one.move(track.ball[here])
+        if float(lacking(hip, ankle, ball, reach, free)[0].max()) <= MISS:
+            return one
+        way = functional.normalize((hip[-1] - hip[0])[[0, 2]], dim=0)
+        by = torch.tensor(SHIFTS, dtype=torch.float64)[:, None] * way
+        more = torch.stack((by[:, 0], torch.zeros(len(by), dtype=by.dtype), by[:, 1]), dim=-1)[:, None]
+        down, off = lacking(hip, ankle + more, None if ball is None else ball + more, reach, free)
+        cost = down.amax(-1) + off.amax(-1) + SHIFT_COST * by.norm(dim=-1)
+        return replace(one, move=one.move.shifted(by[int(cost.argmin())]))
+
+    def _own(self, one: FootPrint, here: slice) -> Tensor:
+        """(T', 3) ankle of the source [m], without its slide if that is to be taken away."""
+        own = self.track.ankle[here]
+        if self.slide is None:
+            return own
+        own = own.clone()
+        end = 0 if one.first <= len(self.slide) - 1 - one.last else len(self.slide) - 1
+        own[:, [0, 2]] -= self.slide[here] - (self.slide[end] if one.pinned else self.slide[one.frames].mean(dim=0))
+        return own
+
+    def way(self, rise: Tensor) -> FootWay:
+        """From print to print. rise: (T,) of the body [m]."""
+        track = self.track
+        own, turn = self.edit(track.ankle), self.edit.turn
+        ankle, turned, weight = own.clone(), turn.clone(), torch.zeros_like(turn)
+        for one, (here, share) in zip(self.prints, weights(self.prints, len(own), self.frame_time), strict=True):
+            move = spread(one.move, one, here)
+            ankle[here] += share[:, None] * (move(self._own(one, here)) - own[here])
+            turned[here] += share * (move.turn - turn[here])
+            weight[here] += share
+        ankle = sunk(ankle, -self._lift())
+        frame, hip = axis_rotation("Y", turned), self.hip
+        if self.footing is not None:
+            ankle, frame = self.footing.lifted(ankle, frame, self.stands, self.frame_time)
+            hip = sunk(hip, -rise)
+        return FootWay(track, hip, ankle, frame, self.stands, weight, self.flat, self.frame_time)
+
+    def _lift(self) -> Tensor:
+        """(T,) by how much the foot is lifted where it has left the ground, or not come to it, unlike in the source."""
+        up = (self.stood & ~self.stands).double()
+        if not bool(up.any()):
+            return up
+        wide = 2 * max(1, round(0.05 / self.frame_time)) + 1
+        return RISE * smoothed(widest(up, wide), wide) * smooth_step(apart(self.stands) * self.frame_time / CLEAR)
+
+    def give_up(self, missed: Tensor) -> bool:
+        """Leave out the frames of contacts that are out of reach (T,) [m]; whether there are any."""
+        bad = missed > MISS
+        if not bool(bad.any()):
+            return False
+        kept, stands = [], torch.zeros_like(self.stands)
+        for one in self.prints:
+            out = bad[one.frames]
+            if bool(out.any()):
+                found = _reached(~out, one, len(bad) - 1)
+                if found is None:
+                    continue
+                one = shortened(one, *found)
+            kept.append(one)
+            stands[one.frames] = True
+        self.prints, self.stands = kept, stands
+        return True
+
+
+def _reached(good: Tensor, one: FootPrint, end: int) -> tuple[int, int] | None:
+    """First and last frame of the part of a contact that is kept: the longest, or that at an end of the clip."""
+    if not bool(good.any()):
+        return None
+    bad = (~good).nonzero().flatten()
+    if one.first == 0:
+        return (0, int(bad[0]) - 1) if int(bad[0]) > 0 else None
+    if one.last == end:
+        return (one.first + int(bad[-1]) + 1, end) if bool(good[-1]) else None
+    edges = torch.cat((good.new_zeros(1), good, good.new_zeros(1))).int().diff()
+    starts, ends = (edges == 1).nonzero().flatten(), (edges == -1).nonzero().flatten()
+    best = int((ends - starts).argmax())
+    return one.first + int(starts[best]), one.first + int(ends[best]) - 1
+
+
+def _slide(points: Tensor, touching: Tensor) -> Tensor:
+    """(T, 2) how far a foot has slid over the ground so far, by those of its points (T, P, 3) that touch it [m]."""
+    both = (touching[1:] & touching[:-1]).double()
+    moved = (points[:, :, [0, 2]].diff(dim=0) * both.unsqueeze(-1)).sum(dim=1) / both.sum(dim=1).clamp_min(1.0)[:, None]
+    return torch.cat((torch.zeros_like(moved[:1]), moved.cumsum(dim=0)))

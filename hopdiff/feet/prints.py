@@ -1,0 +1,136 @@
+"""Foot prints: where a foot stands after the way of the body was changed, and how it gets from one to the next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from hopdiff.editing.root_path import RootPath
+from hopdiff.feet.track import smooth_step
+
+RAMP = 0.3  # s at most in which a foot goes over from its own place to the place of a contact
+
+
+@dataclass(frozen=True, eq=False)
+class GroundMove:
+    """A turn about y (...,) [rad] and then a shift (..., 2) over the ground [m]."""
+
+    turn: Tensor
+    shift: Tensor
+
+    @classmethod
+    def between(cls, before: RootPath, after: RootPath) -> GroundMove:
+        """What takes every frame of a path to another one."""
+        turn = after.yaw - before.yaw
+        return cls(turn, after.place - _about_y(turn, before.place))
+
+    @classmethod
+    def about(cls, turn: Tensor, start: Tensor, end: Tensor) -> GroundMove:
+        """The move with a turn that takes a place (2,) to another [m]."""
+        return cls(turn, end - _about_y(turn, start))
+
+    def at(self, frame: int | slice) -> GroundMove:
+        return GroundMove(self.turn[frame], self.shift[frame])
+
+    def shifted(self, by: Tensor) -> GroundMove:
+        return GroundMove(self.turn, self.shift + by)
+
+    def __call__(self, places: Tensor) -> Tensor:
+        """Points (..., 3) moved [m]."""
+        x, z = (_about_y(self.turn, places[..., [0, 2]]) + self.shift).unbind(-1)
+        return torch.stack((x, places[..., 1].expand_as(x), z), dim=-1)
+
+
+def _about_y(turn: Tensor, place: Tensor) -> Tensor:
+    c, s = torch.cos(turn), torch.sin(turn)
+    x, z = place.unbind(-1)
+    return torch.stack((c * x + s * z, c * z - s * x), dim=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class FootPrint:
+    """A contact. first, last: frames. move: of the foot since the source, the same in all frames, or (T',) where a
+    contact lasts from the first to the last frame of the clip. pinned: whether an end of the clip says where it is."""
+
+    first: int
+    last: int
+    move: GroundMove
+    pinned: bool
+
+    @property
+    def frames(self) -> slice:
+        return slice(self.first, self.last + 1)
+
+
+def foot_prints(
+    edit: GroundMove, foot: Tensor, plants: Sequence[tuple[int, int]], frame_time: float
+) -> list[FootPrint]:
+    """The prints of one foot.
+
+    edit: of the body, in T frames. foot: (T, 3) the middle of the foot in the source [m]. plants: first and last frame
+    of every contact. The first and the last frame of the clip stay as they are, so that contacts which they belong to,
+    or which are so near that there is no time to go over, stand where these say. Others stand at the mean of where the
+    edit puts them.
+    """
+    moved, end = edit(foot), len(foot) - 1
+    found = []
+    for number, (first, last) in enumerate(plants):
+        before = first - (plants[number - 1][1] if number else -end)
+        after = (plants[number + 1][0] if number + 1 < len(plants) else 2 * end) - last
+        at_start = first <= 0.5 * min(RAMP / frame_time, before)
+        at_end = end - last <= 0.5 * min(RAMP / frame_time, after)
+        if at_start and at_end:
+            share = smooth_step(torch.linspace(0.0, 1.0, last - first + 1, dtype=foot.dtype))
+            start, stop = edit.at(0), edit.at(-1)
+            turn = torch.lerp(start.turn, stop.turn, share)
+            own = foot[first : last + 1]
+            place = torch.lerp(start(own), stop(own), share[:, None])[:, [0, 2]]
+            move = GroundMove(turn, place - _about_y(turn, own[:, [0, 2]]))
+        elif at_start or at_end:
+            move = edit.at(0 if at_start else -1)
+        else:
+            here = slice(first, last + 1)
+            means = foot[here].mean(dim=0)[[0, 2]], moved[here].mean(dim=0)[[0, 2]]
+            move = GroundMove.about(edit.turn[here].mean(), *means)
+        found.append(FootPrint(first, last, move, at_start or at_end))
+    return found
+
+
+def weights(
+    prints: Sequence[FootPrint], frames: int, frame_time: float, ends: bool = False
+) -> list[tuple[slice, Tensor]]:
+    """For each print the frames in which it counts, and how much: 1 in its contact, less and less on the ways to and
+    from it; those of two prints that share a swing sum to 1 at most. Frame 0 and the last one are nobody's unless they
+    belong to a contact, or ends says that they may change like others."""
+    found = []
+    for number, one in enumerate(prints):
+        sooner = prints[number - 1].last if number else -frames
+        later = prints[number + 1].first if number + 1 < len(prints) else 2 * frames
+        room_before = min(RAMP / frame_time, one.first - sooner, frames if ends or one.first == 0 else one.first)
+        end = frames - 1
+        room_after = min(RAMP / frame_time, later - one.last, frames if ends or one.last == end else end - one.last)
+        here = slice(max(0, math.floor(one.first - room_before)), min(frames, math.ceil(one.last + room_after) + 1))
+        times = torch.arange(here.start, here.stop, dtype=torch.float64)
+        weight = smooth_step(1.0 - (one.first - times).clamp_min(0.0) / max(room_before, 1e-9))
+        found.append((here, weight * smooth_step(1.0 - (times - one.last).clamp_min(0.0) / max(room_after, 1e-9))))
+    return found
+
+
+def spread(move: GroundMove, one: FootPrint, here: slice) -> GroundMove:
+    """The move of a print in the frames around it."""
+    if move.turn.dim() == 0:
+        return move
+    at = torch.arange(here.start, here.stop).clamp(one.first, one.last) - one.first
+    return GroundMove(move.turn[at], move.shift[at])
+
+
+def shortened(one: FootPrint, first: int, last: int) -> FootPrint:
+    """The print of a contact of which only some frames are left."""
+    move = one.move
+    if move.turn.dim():
+        move = move.at(slice(first - one.first, last + 1 - one.first))
+    return replace(one, first=first, last=last, move=move)

@@ -1,0 +1,87 @@
+"""What a leg does about a foot print that it cannot reach: raise the heel, lower the body, or leave the ground."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from hopdiff.feet.track import LegTrack
+
+REACH = 0.99  # of the leg's length: as far as a foot is put, unless the source goes farther
+SOFT = 0.93  # of the leg's length: from here on a leg stretches less and less
+STRETCHED = 0.985  # the same for a leg that stands
+HEEL = 0.9  # rad by which a heel is raised beyond the source's, at most
+BEHIND = (-0.05, 0.15)  # m that the hip is ahead of the ball of the foot: from where on, and from where on freely
+
+
+def longest(track: LegTrack) -> Tensor:
+    """(T,) as far as a leg reaches [m]."""
+    return torch.maximum(track.span, torch.full_like(track.span, REACH)).clamp_max(1.0) * track.length
+
+
+def softened(track: LegTrack, distance: Tensor, soft: Tensor | float = SOFT) -> Tensor:
+    """(T,) distances from hip to ankle [m] as a leg stretches towards them: as they are up to a share of its length
+    and to what the source does, then less and less up to the longest."""
+    length = track.length
+    low = torch.maximum(track.span, torch.as_tensor(soft, dtype=length.dtype)) * length
+    high = torch.maximum(longest(track), low + 1e-4 * length)
+    more = (distance - low).clamp_min(0.0)
+    return torch.minimum(distance, low) + (high - low) * (1.0 - torch.exp(-more / (high - low)))
+
+
+def toe_axis(ankle: Tensor, ball: Tensor) -> Tensor:
+    """(T, 3) level axes about which a foot turns on its ball, heel up."""
+    ahead = functional.normalize((ball - ankle)[..., [0, 2]], dim=-1)
+    x, z = ahead.unbind(-1)
+    return torch.stack((z, torch.zeros_like(x), -x), dim=-1)
+
+
+def heel_angle(hip: Tensor, ankle: Tensor, ball: Tensor, reach: Tensor) -> Tensor:
+    """(...,) angles about `toe_axis` by which a foot must be turned, heel up, for its ankle (..., 3) to be as far from
+    the hip as reach (...,), or as near to that as can be [rad].
+
+    The scalar product of hip and turned ankle, both from the ball, is A cos + B sin + C of the angle.
+    """
+    axis = toe_axis(ankle, ball)
+    towards, arm = hip - ball, ankle - ball
+    fixed = (towards * axis).sum(-1) * (arm * axis).sum(-1)
+    a = (towards * arm).sum(-1) - fixed
+    b = (towards * torch.linalg.cross(axis, arm)).sum(-1)
+    wanted = 0.5 * ((towards**2).sum(-1) + (arm**2).sum(-1) - reach**2) - fixed
+    share = (wanted / torch.sqrt(a**2 + b**2).clamp_min(1e-9)).clamp(-1.0, 1.0)
+    angle: Tensor = torch.atan2(b, a) - torch.acos(share)
+    return angle
+
+
+def heel_up(hip: Tensor, ankle: Tensor, ball: Tensor, reach: Tensor, most: Tensor) -> Tensor:
+    """(...,) the same, never heel down and at most by most (...,) [rad]."""
+    return torch.minimum(heel_angle(hip, ankle, ball, reach).clamp_min(0.0), most)
+
+
+def turned_up(ankle: Tensor, ball: Tensor, angle: Tensor) -> Tensor:
+    """(..., 3) ankles turned about the ball by angles (...,), heel up [m]."""
+    axis, arm = toe_axis(ankle, ball), ankle - ball
+    c, s = torch.cos(angle)[..., None], torch.sin(angle)[..., None]
+    along = (arm * axis).sum(-1, keepdim=True)
+    return ball + c * arm + s * torch.linalg.cross(axis, arm) + (1.0 - c) * along * axis
+
+
+def most_heel(hip: Tensor, ankle: Tensor, ball: Tensor) -> Tensor:
+    """(...,) by how much a heel may be raised [rad]: not while the hip is still behind the foot."""
+    ahead = functional.normalize((ball - ankle)[..., [0, 2]], dim=-1)
+    before = ((hip - ball)[..., [0, 2]] * ahead).sum(-1)
+    share = ((before - BEHIND[0]) / (BEHIND[1] - BEHIND[0])).clamp(0.0, 1.0)
+    return HEEL * share**2 * (3.0 - 2.0 * share)
+
+
+def lacking(hip: Tensor, ankle: Tensor, ball: Tensor | None, reach: Tensor, heel: Tensor) -> tuple[Tensor, Tensor]:
+    """(...,) how far the hip (..., 3) must come down for the ankle to be within reach (...,), heel raised as far as it
+    may, and by how much it is out of reach [m]. heel: (...,) share of the angle by which it may be raised."""
+    if ball is not None:
+        most = heel * most_heel(hip, ankle, ball)
+        ankle = turned_up(ankle, ball, heel_up(hip, ankle, ball, reach, most))
+    gap = ankle - hip
+    level = gap[..., 0] ** 2 + gap[..., 2] ** 2
+    down = (-gap[..., 1] - (reach**2 - level).clamp_min(0.0).sqrt()).clamp_min(0.0)
+    return down, (gap.norm(dim=-1) - reach).clamp_min(0.0)
