@@ -43,16 +43,6 @@ class Case:
         return Constraint(path.frames - 1, (float(place[0]), float(place[1])), yaw, keep=self.turn is None)
 
 
-NAMED = (
-    Case("no edit", 0.0, 0.0, 0.0),
-    Case("10 % ahead", 0.0, 0.1, None),
-    Case("30 % aside", 0.3, 0.0, None),
-    Case("90 deg, same place", 0.0, 0.0, 90.0),
-    Case("30 % aside, 90 deg", 0.3, 0.0, 90.0),
-    Case("180 deg, left of the start", 0.5, 0.0, 180.0, from_start=True),
-)
-
-
 def grid() -> Iterator[Case]:
     for turn, (left, ahead) in product(TURNS, SHIFTS):
         yield Case(f"{turn} deg, {left:g} aside, {ahead:g} ahead", left, ahead, float(turn))

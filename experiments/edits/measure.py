@@ -6,27 +6,29 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
-from experiments.edits.cases import NAMED, Case, grid
+from experiments.edits.cases import Case, grid
+from hopdiff.composing import compose
+from hopdiff.config import typed
 from hopdiff.editing.laplacian import laplacian
-from hopdiff.editing.leg_joints import facing, find_legs
-from hopdiff.editing.measure import path_measures
 from hopdiff.editing.root_path import RootPath, path_of, root_path, steps_of, with_root_path
 from hopdiff.editing.solve import SolveSettings
 from hopdiff.editing.targets import Constraint, edit_path
-from hopdiff.feet.contacts import find_contacts, slide_numbers
-from hopdiff.feet.planting import clean_feet
 from hopdiff.geometry.clip import Clip
+from hopdiff.tasks.edit import EditTask
+from hopdiff.tasks.edit_job import edit, source_of
+from hopdiff.tasks.edit_request import Request
 
 ALPHAS = (0.3, 0.5, math.inf)
 
 
 def arrivals(paths: dict[str, tuple[RootPath, float]]) -> list[tuple[str, ...]]:
     """Rows by alpha: edits, those that arrive, rounds (median, most), largest errors and move of the start."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for alpha in ALPHAS:
         found = [
             (edit_path(path, [case.constraint(path)], frame_time, SolveSettings(alpha=alpha)), path)
@@ -51,46 +53,11 @@ def arrivals(paths: dict[str, tuple[RootPath, float]]) -> list[tuple[str, ...]]:
     return rows
 
 
-def qualities(clips: dict[str, Clip]) -> list[tuple[str, ...]]:
-    """Rows by clip and case: stretch, side-slip, turns, and slide, drift and depth of the feet by stage."""
-    rows = []
-    for name, clip in clips.items():
-        legs = find_legs(clip.skeleton)
-        path = root_path(clip, facing(clip.skeleton, legs))
-        contacts = find_contacts(clip, legs)
-        source = slide_numbers(clip, contacts)
-        for case in NAMED:
-            edited = edit_path(path, [case.constraint(path)], clip.frame_time).path
-            moved = with_root_path(clip, path, edited)
-            clean = clean_feet(clip, moved, contacts).clip
-            m = path_measures(path, edited, clip.frame_time)
-            before, after = slide_numbers(moved, contacts), slide_numbers(clean, contacts)
-            rows.append(
-                (
-                    name,
-                    case.name,
-                    f"{m['stretch']:.2f}",
-                    f"{m['side_slip_p95_deg']:.1f}",
-                    f"{m['turn_max_deg']:.1f}",
-                    " / ".join(f"{n['slide_speed']:.3f}" for n in (source, before, after)),
-                    " / ".join(f"{100 * n['drift']:.1f}" for n in (source, before, after)),
-                    " / ".join(f"{1000 * n['foot_depth']:.0f}" for n in (source, after)),
-                    f"{fastest(clean) / fastest(clip):.2f}",
-                )
-            )
-    return rows
-
-
-def fastest(clip: Clip) -> float:
-    """Largest angular speed of any joint [rad/s]."""
-    between = clip.rotations[:-1].transpose(-1, -2) @ clip.rotations[1:]
-    cosine = 0.5 * (between.diagonal(dim1=-2, dim2=-1).sum(-1) - 1.0)
-    return float(torch.acos(cosine.clamp(-1.0, 1.0)).max()) / clip.frame_time
-
-
-def timings(path: RootPath, frame_time: float, frames: Sequence[int], rounds: int) -> list[tuple[str, ...]]:
-    """Rows by number of frames: median milliseconds of ours and of a dense pseudo-inverse, in turns."""
-    rows = []
+def timings(clip: Clip, frames: Sequence[int], rounds: int) -> list[tuple[str, ...]]:
+    """Rows by number of frames: median milliseconds of the path, of a dense pseudo-inverse, in turns, and of the feet's
+    clean-up."""
+    rows: list[tuple[str, ...]] = []
+    frame_time, path = clip.frame_time, root_path(clip)
     for count in frames:
         long = longer(path, count)
         wish = Case("", 0.3, 0.0, 90.0).constraint(long)
@@ -106,9 +73,34 @@ def timings(path: RootPath, frame_time: float, frames: Sequence[int], rounds: in
                 taken[name].append(time.perf_counter() - begun)
         ours = 1e3 * statistics.median(taken["ours"])
         dense = 1e3 * statistics.median(taken["dense"]) if "dense" in taken else math.nan
-        ratio = "-" if math.isnan(dense) else f"{dense / ours:.1f}"
-        rows.append((f"{count:,}", f"{ours:.1f}", "-" if math.isnan(dense) else f"{dense:.1f}", ratio))
+        feet = statistics.median(whole(clip, count)["ms_feet"] for _ in range(rounds if count <= 1000 else 1))
+        texts = ("-", "-") if math.isnan(dense) else (f"{dense:.1f}", f"{dense / ours:.1f}")
+        rows.append((f"{count:,}", f"{ours:.1f}", *texts, f"{feet:.1f}", f"{feet / ours:.1f}"))
     return rows
+
+
+def whole(clip: Clip, frames: int) -> dict[str, float]:
+    """Numbers of an edit with its clean-up, as the command makes it, of a clip of some number of frames."""
+    settings = typed(compose(["task=edit"]), EditTask).edit
+    settings.repeat = 1
+    request = Request(
+        ({"frame": -1, "position": (0.3, 0.0), "heading": math.radians(90.0), "relative": True},), None, None
+    )
+    metrics: dict[str, float] = edit(
+        source_of(long_clip(clip, frames), "", settings, request, None), request, settings
+    ).metrics
+    return metrics
+
+
+def long_clip(clip: Clip, frames: int) -> Clip:
+    """A clip of some number of frames, its steps repeated."""
+    times = math.ceil(frames / (clip.frames - 1))
+    again = replace(
+        clip,
+        root_position=clip.root_position[:-1].repeat(times, 1)[:frames],
+        rotations=clip.rotations[:-1].repeat(times, 1, 1, 1)[:frames],
+    )
+    return with_root_path(again, root_path(again), longer(root_path(clip), frames))
 
 
 def longer(path: RootPath, frames: int) -> RootPath:

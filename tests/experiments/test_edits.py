@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from experiments.bvh_reading import body
+from experiments.edits.asks import KINDS, NOT_YET
 from hopdiff.cli import main
 from hopdiff.doors import config_folder
+from tests.people import file_of
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = sorted(path.stem for path in (config_folder() / "experiment" / "kim2021").glob("*.yaml"))
@@ -61,10 +64,25 @@ def test_the_gallery_shows_every_experiment() -> None:
 def test_the_study_of_edits_prints_its_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from experiments.edits.__main__ import main as study
 
-    study(["--frames", "50,100", "--rounds", "1", "--out", str(tmp_path)])
+    runs = tmp_path / "runs"
+    study(["--frames", "50,100", "--rounds", "1", "--out", str(tmp_path), "--runs", str(runs), "--pictures", "1"])
     text = (tmp_path / "results.md").read_text()
     assert "| 0.3 | 21 | 21 |" in text
-    assert text.count("| run of our own |") == 6
+    assert text.count("| run of our own |") == len(KINDS) - len(NOT_YET) + 1
+    assert text.count("\n| all | 11 |") == 1
     lines = {line.split("|")[1].strip(): line for line in text.splitlines() if line.startswith("| ")}
-    assert {"50", "100"} <= set(lines)
-    assert capsys.readouterr().out.strip() == text.strip()
+    assert {"50", "100", *KINDS} - set(NOT_YET) <= set(lines)
+    assert capsys.readouterr().out.strip().endswith(text.strip())
+    assert (runs / "worst_01.png").stat().st_size > 10_000
+
+
+def test_an_edit_that_the_command_refuses_does_not_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from experiments.edits.asks import Ask
+    from experiments.edits.study import totals, tried
+
+    source = body(file_of("walk", tmp_path))
+    result = tried(tmp_path / "walk.bvh", source, "position", Ask(("target.position=3",), ()), tmp_path / "run")
+    assert not result.passed
+    assert result.words() == "refused"
+    assert "target.position" in " ".join(result.said)
+    assert totals([result], lambda one: one.kind) == [("position", "1", "0", "0 %", "0", "refused 1")]

@@ -1,0 +1,386 @@
+"""Whether an edited clip passes for a take: judged from the files before and after, and nothing that made them.
+
+Nothing here knows hopdiff. Lengths are metres, times seconds, angles degrees.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import percentile_filter, uniform_filter1d
+
+from experiments.bvh_reading import Body, Floats
+
+Flags = NDArray[np.bool_]
+Height = Callable[[Floats, Floats], Floats]  # of the ground at x, z
+
+LOW, STILL, HASTE = 0.04, 0.35, 0.15  # m; m/s; share of the body's speed that a runner's foot may move
+SHORTEST, GAP, GLANCE = 0.08, 0.05, 1.0 / 30.0  # s
+AROUND = 1.5  # s in which a foot's own floor is looked for, so that a slope does not end its contacts
+LEG = 0.9  # m, for which LOW is meant
+# What passes, beyond the source where there is one.
+BARS = {
+    "frame 0": 1e-4,  # m, any joint
+    "last pose": 1e-4,  # m, any joint, seen from the root
+    "arrival": 1e-3,  # m
+    "turn": 0.1,  # deg
+    "slide": 0.02,  # m/s more
+    "drift": 0.01,  # m more, of each contact
+    "height": 0.01,  # m that a foot in contact floats or sinks
+    "root drop": 0.08,  # m
+    "speed": 1.5,  # times the source's
+    "jerk": 2.0,  # times the source's
+    "knee": 1.0,  # deg beyond straight more
+    "contact": 0.05,  # share of the frames less
+}
+SHOWN = {"frame 0": 1000, "last pose": 1000, "arrival": 1000, "drift": 100, "height": 100, "root drop": 100}
+UNITS = {
+    **dict.fromkeys(("frame 0", "last pose", "arrival"), "mm"),
+    **dict.fromkeys(("drift", "height", "root drop"), "cm"),
+    **dict.fromkeys(("turn", "knee"), "deg"),
+    **dict.fromkeys(("speed", "jerk"), "x"),
+    "slide": "m/s",
+    "contact": "",
+}
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Where the edit was asked to be. frame: counted from 0. place: x and z of the joint that carries the body, or
+    None. turn: to the left against the source [deg], or None."""
+
+    frame: int
+    place: tuple[float, float] | None = None
+    turn: float | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """numbers: by bar, as BARS counts them. others: what is measured and has no bar."""
+
+    numbers: dict[str, float]
+    others: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def failed(self) -> dict[str, float]:
+        """The bars that are missed, and by what. What is not a number misses."""
+        return {name: value for name, value in self.numbers.items() if not value <= BARS[name]}
+
+    @property
+    def passed(self) -> bool:
+        return not self.failed
+
+    def words(self) -> str:
+        """pass, or the bars that are missed."""
+        found = [
+            f"{name} {SHOWN.get(name, 1) * value:.3g} {UNITS[name]}".strip() for name, value in self.failed.items()
+        ]
+        return ", ".join(found) or "pass"
+
+
+def judge(
+    source: Body,
+    edited: Body,
+    bound: Sequence[Bound],
+    ground: Height | None = None,
+    frame_0: bool = True,
+) -> Verdict:
+    """How an edit compares with its source.
+
+    ground: heights of the ground, counted from the floor of the source; None: flat. Legs may then stand otherwise in
+    the last pose. frame_0: whether the first frame must stay where it is; on a curve it goes where that begins, so
+    that it is judged up to the root's place and turn.
+    Raises ValueError for another number of frames.
+    """
+    if source.frames != edited.frames:
+        raise ValueError(f"{edited.frames} frames, {source.frames} in the source")
+    level: Height = ground or (lambda x, z: np.zeros_like(x))
+    floor = Floor.of(source)
+    touching = contacts(source)
+    mover = source.mover
+    legs = {joint for leg in source.legs for joint in below(source.parents, leg.hip)} if ground else set()
+    rest = [k for k in range(source.places.shape[1]) if k not in legs]
+    moved, old_moved = places_of(edited, touching), places_of(source, touching)
+    rise = level(edited.places[..., 0], edited.places[..., 2])
+    drop = source.places[:, mover, 1] - edited.places[:, mover, 1] + rise[:, mover]
+    lifted = np.concatenate([rise[:, leg.feet] for leg in source.legs], axis=1)
+    off = moved[..., 1] - lifted - old_moved[..., 1]
+    speed, jerk = paces(edited), jerks(edited)
+    old_speed, old_jerk = paces(source), jerks(source)
+    axes = [bend_axis(source, k) for k in range(2)]
+    own = contacts(edited)
+    first = edited.places[0] - source.places[0] if frame_0 else seen(edited, 0) - seen(source, 0)
+    numbers = {
+        "frame 0": farthest(first[rest]),
+        "last pose": farthest((seen(edited, -1) - seen(source, -1))[rest]),
+        **arrival(source, edited, bound),
+        "slide": slide(moved, touching, edited.frame_time) - slide(old_moved, touching, source.frame_time),
+        "drift": float((drifts(moved, touching) - drifts(old_moved, touching)).max(initial=0.0)),
+        "height": float(np.abs(off[touching]).max(initial=0.0)),
+        "root drop": float(drop.max()),
+        "speed": largest_ratio(speed, old_speed),
+        "jerk": largest_ratio(jerk, old_jerk),
+        "knee": max(beyond(edited, k, axes[k]) - beyond(source, k, axes[k]) for k in range(2)),
+        "contact": share(touching) - share(own),
+    }
+    return Verdict(
+        numbers,
+        {
+            "slide": slide(moved, touching, edited.frame_time),
+            "slide source": slide(old_moved, touching, source.frame_time),
+            "own slide": slide(moved, own, edited.frame_time),
+            "own drift": float(drifts(moved, own).max(initial=0.0)),
+            "skid": skid(moved, old_moved, touching),
+            "share": share(own),
+            "share source": share(touching),
+            "depth": float((floor.heights - moved[..., 1] + lifted).max()),
+            "world speed": float(world_pace(edited) / max(world_pace(source), 1e-9)),
+        },
+    )
+
+
+def below(parents: Sequence[int], joint: int) -> list[int]:
+    """A joint and all that hangs on it."""
+    found = [joint]
+    for k, above in enumerate(parents):
+        if above in found:
+            found.append(k)
+    return found
+
+
+def farthest(offsets: Floats) -> float:
+    return float(np.linalg.norm(offsets, axis=-1).max())
+
+
+def seen(body: Body, frame: int) -> Floats:
+    """(P, 3) points of a frame as the joint sees them that carries the body."""
+    found: Floats = (body.places[frame] - body.places[frame, body.mover]) @ body.turns[frame, body.mover]
+    return found
+
+
+def arrival(source: Body, edited: Body, bound: Sequence[Bound]) -> dict[str, float]:
+    """Largest distance from where bound frames were asked to be, and from how they were asked to face."""
+    place, turn, mover = 0.0, 0.0, source.mover
+    for one in bound:
+        if one.place is not None:
+            gap = edited.places[one.frame, mover, ::2] - np.array(one.place)
+            place = max(place, float(np.hypot(*gap)))
+        if one.turn is not None:
+            change = edited.turns[one.frame, mover] @ source.turns[one.frame, mover].T
+            found = math.degrees(math.atan2(change[0, 2] - change[2, 0], change[0, 0] + change[2, 2]))
+            turn = max(turn, abs(math.remainder(found - one.turn, 360.0)))
+    return {"arrival": place, "turn": turn}
+
+
+# Feet
+
+
+def places_of(body: Body, touching: Flags) -> Floats:
+    """(T, C, 3) points of the feet, in the order of the columns of `contacts`."""
+    points = [point for leg in body.legs for point in leg.feet]
+    assert touching.shape[1] == len(points)
+    found: Floats = body.places[:, points]
+    return found
+
+
+@dataclass(frozen=True)
+class Floor:
+    """heights: (C,) of each point of the feet while it stands, in the whole clip."""
+
+    heights: Floats
+
+    @staticmethod
+    def of(body: Body) -> Floor:
+        points = [point for leg in body.legs for point in leg.feet]
+        return Floor(np.quantile(body.places[:, points, 1], 0.05, axis=0))
+
+
+def contacts(body: Body) -> Flags:
+    """(T, C) when points of the feet stand: low over their floor round about, and still, for a while."""
+    points = [point for leg in body.legs for point in leg.feet]
+    feet, step = body.places[:, points], body.frame_time
+    leg = body.legs[0]
+    length = float(np.linalg.norm(np.diff(body.places[0, [leg.hip, leg.knee, leg.ankle]], axis=0), axis=-1).sum())
+    wide = 2 * max(1, round(0.5 * AROUND / step)) + 1
+    floor = percentile_filter(feet[..., 1], 5, size=(wide, 1), mode="nearest")
+    way = np.linalg.norm(np.diff(body.places[:, body.mover, ::2], axis=0), axis=-1).sum()
+    still = max(STILL, HASTE * float(way) / max(step * (body.frames - 1), step))
+    low = feet[..., 1] - floor < LOW * length / LEG
+    found = low & (pace(feet, step) < still)
+    return np.stack([lasting(column, step) for column in found.T], axis=1)
+
+
+def pace(points: Floats, step: float) -> Floats:
+    """(T, C) speeds of points (T, C, 3) over 1/30 s."""
+    half = max(1, round(0.5 * GLANCE / step))
+    at = np.arange(len(points))
+    before, after = np.maximum(at - half, 0), np.minimum(at + half, len(points) - 1)
+    moved = np.linalg.norm(points[after] - points[before], axis=-1)
+    found: Floats = moved / (np.maximum(after - before, 1) * step)[:, None]
+    return found
+
+
+def runs(flags: Flags) -> Iterator[tuple[int, int]]:
+    """First frame of every run of true, and the one after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(int), [0]))))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def lasting(flags: Flags, step: float) -> Flags:
+    """Short gaps filled and short contacts dropped, those at the ends of the clip aside."""
+    found = flags.copy()
+    for value, shortest in ((True, GAP), (False, SHORTEST)):
+        for first, after in list(runs(found != value)):
+            if first > 0 and after < len(found) and (after - first) * step < shortest:
+                found[first:after] = value
+    return found
+
+
+def slide(points: Floats, touching: Flags, step: float) -> float:
+    """Mean speed over the ground of points while they touch it."""
+    both = touching[1:] & touching[:-1]
+    fast = np.linalg.norm(np.diff(points[..., ::2], axis=0), axis=-1)
+    return float(fast[both].mean()) / step if both.any() else 0.0
+
+
+def drifts(points: Floats, touching: Flags) -> Floats:
+    """Of every contact the farthest that its point gets over the ground from where it came down."""
+    own = [points[first:after, k, ::2] for k, first, after in stands(touching)]
+    return np.array([farthest(one - one[0]) for one in own])
+
+
+def skid(points: Floats, old: Floats, touching: Flags) -> float:
+    """Farthest that a point gets in a contact from what it did in the source, laid there by one turn and shift."""
+    most = 0.0
+    for k, first, after in stands(touching):
+        new, was = (one[first:after, k, 2] + 1j * one[first:after, k, 0] for one in (points, old))
+        new, was = new - new.mean(), was - was.mean()
+        along = complex(np.vdot(was, new))
+        turn = along / abs(along) if abs(along) > 1e-12 else 1.0
+        most = max(most, float(np.abs(new - turn * was).max()))
+    return most
+
+
+def stands(touching: Flags) -> Iterator[tuple[int, int, int]]:
+    """Point, first frame, and the one after the last, of every contact."""
+    for k in range(touching.shape[1]):
+        yield from ((k, first, after) for first, after in runs(touching[:, k]))
+
+
+def share(touching: Flags) -> float:
+    return float(touching.any(axis=1).mean())
+
+
+# Joints
+
+
+def parts(body: Body) -> dict[str, list[int]]:
+    """Points by the part of the body whose largest speeds are compared."""
+    found = {"knee": [leg.knee for leg in body.legs], "ankle": [leg.ankle for leg in body.legs]}
+    toes = [leg.toe for leg in body.legs if leg.toe is not None]
+    if toes:
+        found["toe"] = toes
+    legs = {point for leg in body.legs for point in below(body.parents, leg.hip)}
+    others = [k for k in range(body.places.shape[1]) if k not in legs and k != body.mover]
+    return found | ({"others": others} if others else {})
+
+
+def steady(body: Body) -> Floats:
+    """(T, P, 3) points round the joint that carries the body, along the way it faces: its turns and shifts are out."""
+    turn = body.turns[:, body.mover]
+    yaw = np.arctan2(turn[:, 0, 2] - turn[:, 2, 0], turn[:, 0, 0] + turn[:, 2, 2])
+    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    x, y, z = np.moveaxis(body.places - body.places[:, [body.mover]], -1, 0)
+    return np.stack((c * x - s * z, y, s * x + c * z), axis=-1)
+
+
+def strides(body: Body) -> tuple[int, ...]:
+    """Frames over which differences are taken: one, and 1/30 s, so that cameras' noise does not hide what is there."""
+    return tuple(sorted({1, max(1, round(GLANCE / body.frame_time))}))
+
+
+def paces(body: Body) -> dict[str, float]:
+    """Largest speed in 1/30 s: of points of the legs against the root [m/s], and of joints in their parent's frame
+    [rad/s]."""
+    apart = strides(body)[-1]
+    if body.frames <= apart:
+        return {}
+    moved = steady(body)
+    fast = np.linalg.norm(moved[apart:] - moved[:-apart], axis=-1) / (apart * body.frame_time)
+    found = {f"{name} m/s": float(fast[:, points].max()) for name, points in parts(body).items()}
+    for name, joints in {**parts(body), "hip": [leg.hip for leg in body.legs]}.items():
+        own = [k for k in joints if k < body.turns.shape[1]]
+        if own:
+            above = [max(body.parents[k], 0) for k in own]
+            local = np.swapaxes(body.turns[:, above], -1, -2) @ body.turns[:, own]
+            found[f"{name} rad/s"] = float(angles(local, apart).max()) / (apart * body.frame_time)
+    return found
+
+
+def angles(turns: Floats, apart: int) -> Floats:
+    """Angles [rad] between turns (T, J, 3, 3) some frames apart."""
+    between = np.swapaxes(turns[:-apart], -1, -2) @ turns[apart:]
+    # From the sine too: the cosine alone rounds small angles away.
+    sine = np.stack([between[..., i, j] - between[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=-1)
+    cosine = np.trace(between, axis1=-2, axis2=-1) - 1.0
+    found: Floats = np.arctan2(np.linalg.norm(sine, axis=-1), cosine)
+    return found
+
+
+def jerks(body: Body) -> dict[str, float]:
+    """Largest third difference of points of each part against the root [m/s3], from frame to frame and over 1/30 s."""
+    found: dict[str, float] = {}
+    for apart in strides(body):
+        if body.frames <= 3 * apart:
+            continue
+        smooth = uniform_filter1d(steady(body), apart, axis=0, mode="nearest") if apart > 1 else steady(body)
+        third = smooth[3 * apart :] - 3.0 * smooth[2 * apart : -apart] + 3.0 * smooth[apart : -2 * apart]
+        third = np.linalg.norm(third - smooth[: -3 * apart], axis=-1) / (apart * body.frame_time) ** 3
+        found |= {f"{name}, {apart} frames": float(third[:, points].max()) for name, points in parts(body).items()}
+    return found
+
+
+def largest_ratio(new: dict[str, float], old: dict[str, float]) -> float:
+    """Largest of any part against its own in the source; parts that lay still in it count little."""
+    least: dict[str, float] = {}
+    for name, value in old.items():
+        kind = name.split()[-1] if "/" in name else name.partition(",")[2]
+        least[kind] = max(least.get(kind, 0.0), 0.05 * value)
+    ratios = [
+        value / max(old[name], least[name.split()[-1] if "/" in name else name.partition(",")[2]], 1e-9)
+        for name, value in new.items()
+    ]
+    return max(ratios, default=1.0)
+
+
+def world_pace(body: Body) -> float:
+    """Largest speed of any point in the world over 1/30 s."""
+    return float(pace(body.places, body.frame_time).max())
+
+
+def bend_axis(body: Body, side: int) -> Floats:
+    """(3,) axis in the thigh's own frame about which a knee bends, weighted by how far it is bent."""
+    thigh, shank = _bones(body, side)
+    turn = body.turns[:, body.legs[side].hip]
+    local = np.einsum("tji,tj->ti", turn, np.cross(thigh, shank))
+    total = local.sum(axis=0)
+    found: Floats = total / max(float(np.linalg.norm(total)), 1e-12)
+    return found
+
+
+def beyond(body: Body, side: int, axis: Floats) -> float:
+    """How far a knee is bent beyond straight about an axis of its thigh, at most [deg]; below zero if never."""
+    thigh, shank = _bones(body, side)
+    world = body.turns[:, body.legs[side].hip] @ axis
+    sine = np.einsum("ti,ti->t", np.cross(thigh, shank), world)
+    bend = np.degrees(np.arctan2(sine, np.einsum("ti,ti->t", thigh, shank)))
+    return max(0.0, -float(bend.min()))
+
+
+def _bones(body: Body, side: int) -> tuple[Floats, Floats]:
+    leg = body.legs[side]
+    return body.places[:, leg.knee] - body.places[:, leg.hip], body.places[:, leg.ankle] - body.places[:, leg.knee]
