@@ -20,6 +20,7 @@ Height = Callable[[Floats, Floats], Floats]  # of the ground at x, z
 
 LOW, STILL, HASTE = 0.04, 0.35, 0.15  # m; m/s; share of the body's speed that a runner's foot may move
 SHORTEST, GAP, GLANCE = 0.08, 0.05, 1.0 / 30.0  # s
+LIFT = 0.03  # m of the lowest point of a foot that makes a step
 AROUND = 1.5  # s in which a foot's own floor is looked for, so that a slope does not end its contacts
 LEG = 0.9  # m, for which LOW is meant
 # What passes, beyond the source where there is one.
@@ -100,7 +101,9 @@ def judge(
         raise ValueError(f"{edited.frames} frames, {source.frames} in the source")
     level: Height = ground or (lambda x, z: np.zeros_like(x))
     floor = Floor.of(source)
+    own = contacts(edited)
     touching = contacts(source)
+    touching &= ~stepping(edited, own, floor, level)
     mover = source.mover
     legs = {joint for leg in source.legs for joint in below(source.parents, leg.hip)} if ground else set()
     rest = [k for k in range(source.places.shape[1]) if k not in legs]
@@ -112,7 +115,6 @@ def judge(
     speed, jerk = paces(edited), jerks(edited)
     old_speed, old_jerk = paces(source), jerks(source)
     axes = [bend_axis(source, k) for k in range(2)]
-    own = contacts(edited)
     first = edited.places[0] - source.places[0] if frame_0 else seen(edited, 0) - seen(source, 0)
     numbers = {
         "frame 0": farthest(first[rest]),
@@ -122,10 +124,10 @@ def judge(
         "drift": float((drifts(moved, touching) - drifts(old_moved, touching)).max(initial=0.0)),
         "height": float(np.abs(off[touching]).max(initial=0.0)),
         "root drop": float(drop.max()),
-        "speed": largest_ratio(speed, old_speed),
-        "jerk": largest_ratio(jerk, old_jerk),
+        "speed": ratio_of_largest(speed, old_speed),
+        "jerk": ratio_of_largest(jerk, old_jerk),
         "knee": max(beyond(edited, k, axes[k]) - beyond(source, k, axes[k]) for k in range(2)),
-        "contact": share(touching) - share(own),
+        "contact": share(contacts(source)) - share(own),
     }
     return Verdict(
         numbers,
@@ -136,8 +138,10 @@ def judge(
             "own drift": float(drifts(moved, own).max(initial=0.0)),
             "skid": skid(moved, old_moved, touching),
             "share": share(own),
-            "share source": share(touching),
+            "share source": share(contacts(source)),
             "depth": float((floor.heights - moved[..., 1] + lifted).max()),
+            "part speed": largest_ratio(speed, old_speed),
+            "part jerk": largest_ratio(jerk, old_jerk),
             "world speed": float(world_pace(edited) / max(world_pace(source), 1e-9)),
         },
     )
@@ -212,6 +216,22 @@ def contacts(body: Body) -> Flags:
     low = feet[..., 1] - floor < LOW * length / LEG
     found = low & (pace(feet, step) < still)
     return np.stack([lasting(column, step) for column in found.T], axis=1)
+
+
+def stepping(edited: Body, own: Flags, floor: Floor, level: Height) -> Flags:
+    """(T, C) when a foot makes a step: off the ground from one contact to the next, and lifted by LIFT in between.
+
+    Where a body has to go elsewhere while it stood in the source, a step is right and sliding is wrong.
+    """
+    moved = places_of(edited, own)
+    above = moved[..., 1] - floor.heights - level(moved[..., 0], moved[..., 2])
+    found, column = np.zeros_like(own), 0
+    for leg in edited.legs:
+        points = slice(column, column + len(leg.feet))
+        column += len(leg.feet)
+        for first, after in runs(~own[:, points].any(axis=1)):
+            found[first:after, points] = above[first:after, points].min(axis=1).max() >= LIFT
+    return found
 
 
 def pace(points: Floats, step: float) -> Floats:
@@ -344,14 +364,28 @@ def jerks(body: Body) -> dict[str, float]:
     return found
 
 
+def kind_of(name: str) -> str:
+    """What is measured: the unit of a speed, the frames of a jerk."""
+    return name.split()[-1] if "/" in name else name.partition(",")[2]
+
+
+def ratio_of_largest(new: dict[str, float], old: dict[str, float]) -> float:
+    """The largest of all parts against the source's, of each kind of measure; the largest of these."""
+    ratios = [1.0]
+    for kind in {kind_of(name) for name in old}:
+        most, was = (max(value for name, value in one.items() if kind_of(name) == kind) for one in (new, old))
+        ratios.append(most / max(was, 1e-9))
+    return max(ratios)
+
+
 def largest_ratio(new: dict[str, float], old: dict[str, float]) -> float:
     """Largest of any part against its own in the source; parts that lay still in it count little."""
     least: dict[str, float] = {}
     for name, value in old.items():
-        kind = name.split()[-1] if "/" in name else name.partition(",")[2]
+        kind = kind_of(name)
         least[kind] = max(least.get(kind, 0.0), 0.05 * value)
     ratios = [
-        value / max(old[name], least[name.split()[-1] if "/" in name else name.partition(",")[2]], 1e-9)
+        value / max(old[name], least[kind_of(name)], 1e-9)
         for name, value in new.items()
     ]
     return max(ratios, default=1.0)

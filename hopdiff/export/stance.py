@@ -100,7 +100,7 @@ def _heel(hip: Tensor, reach: Tensor, ball: Tensor, level: Tensor, offset: Tenso
     """(T,) pitch of a foot on its ball (3,), heel up, that puts its ankle as far from the hip (T, 3) as it was, reach
     (T,) [rad]; 0 at least, without a corner. level: (3, 3) frame of the level foot, offset: (3,) from its ankle to its
     ball."""
-    pitch = heel_angle(hip, ball - level @ offset, ball, reach)
+    pitch = heel_angle(hip, ball - level @ offset, ball, level[:, 0], reach)
     return 0.5 * (pitch + torch.sqrt(pitch**2 + SOFT**2))
 
 

@@ -44,8 +44,12 @@ class Contacts:
 
     def plants(self, leg: int) -> list[tuple[int, int]]:
         """First and last frame of every time in which any point of a leg stands."""
+        return list(spans(self.stands(leg)))
+
+    def stands(self, leg: int) -> Tensor:
+        """(T,) whether any point of a leg stands."""
         own = [k for k, (which, _) in enumerate(self.points) if which == leg]
-        return list(spans(self.touching[:, own].any(dim=-1)))
+        return self.touching[:, own].any(dim=-1)
 
 
 def find_contacts(clip: Clip, legs: tuple[Leg, ...]) -> Contacts:

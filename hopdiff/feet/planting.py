@@ -19,10 +19,10 @@ from torch.nn import functional
 from hopdiff.editing.root_path import root_path
 from hopdiff.feet.contacts import Contacts
 from hopdiff.feet.footing import Footing, body_rise
-from hopdiff.feet.prints import FootPrint, GroundMove, foot_prints, shortened, spread, weights
-from hopdiff.feet.reach import lacking, longest
+from hopdiff.feet.prints import FootPrint, GroundMove, foot_prints, shortened, spread, steps_in, weights
+from hopdiff.feet.reach import EASY, lacking, longest
 from hopdiff.feet.track import LegTrack, leg_tracks, smooth_step
-from hopdiff.feet.way import HEEL_RAMP, FootWay, apart, lowering, smoothed, sunk, widest
+from hopdiff.feet.way import HEEL_RAMP, FootWay, apart, lowering, smoothed, sunk, turned, widest
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.terrain.ground import Ground
@@ -32,7 +32,7 @@ MISS = 0.003  # m that a foot in contact may be off its print
 SHIFTS = (0.0, 0.03, -0.03, 0.06, -0.06, 0.1, -0.1, 0.14, -0.14)  # m along the way by which prints are tried
 SHIFT_COST = 0.1  # m of lowering that a metre of a shifted print counts as
 PASSES = 3  # of giving up contacts that are out of reach
-RISE = 0.02  # m by which a foot is lifted where it stood in the source and cannot
+RISE = 0.04  # m by which a foot is lifted where it stood in the source and cannot
 CLEAR = 0.08  # s in which that is done
 
 
@@ -60,7 +60,13 @@ def clean_feet(
     if ground is not None and ground.flat:
         ground = None
     tracks = leg_tracks(source, contacts.legs)
-    feet = [_Foot(track, edit, contacts, k, source.frame_time, ground, still) for k, track in enumerate(tracks)]
+    stands = torch.stack([contacts.stands(k) for k in range(len(tracks))], dim=-1)
+    feet = []
+    for k, track in enumerate(tracks):
+        # A step that one foot makes is known to the next.
+        foot = _Foot(track, edit, contacts, k, source.frame_time, ground, still, stands)
+        stands[:, k] = foot.stands
+        feet.append(foot)
     rise = torch.zeros(source.frames, dtype=torch.float64)
     if ground is not None:
         rise = body_rise([foot.footing for foot in feet if foot.footing is not None], source.frame_time)
@@ -95,6 +101,7 @@ class _Foot:
         frame_time: float,
         ground: Ground | None,
         still: bool,
+        stands: Tensor,
     ) -> None:
         self.track, self.edit, self.frame_time = track, edit, frame_time
         self.hip = edit(track.hip)
@@ -102,13 +109,18 @@ class _Foot:
         joints = [contacts.points[i][1] for i in own]
         points = torch.stack([track.point(joint) for joint in joints], dim=1)
         touching = contacts.touching[:, own]
-        self.stands = self.stood = touching.any(dim=-1)
+        self.stood = touching.any(dim=-1)
         heels = [touching[:, n] for n, joint in enumerate(joints) if joint == track.leg.ankle]
         heel = torch.stack(heels).any(0) if heels else ~self.stood
         self.flat = smooth_step(1.0 - apart(heel) * frame_time / HEEL_RAMP)
         self.slide = _slide(points, touching) if still else None
         self.middle = points.mean(dim=1)
-        self.prints = foot_prints(edit, self.middle, contacts.plants(number), frame_time)
+        others = stands[:, torch.arange(stands.shape[1]) != number].any(dim=-1)
+        plants = steps_in(edit, self.middle, contacts.plants(number), others, frame_time)
+        self.prints = foot_prints(edit, self.middle, plants, frame_time)
+        self.stands = torch.zeros_like(self.stood)
+        for one in self.prints:
+            self.stands[one.frames] = True
         self.footing: Footing | None = None
         if ground is None:
             self.prints = [self._shifted(one) for one in self.prints]
@@ -122,14 +134,15 @@ class _Foot:
         if one.pinned:
             return one
         here, track = one.frames, self.track
-        hip, reach, free = self.hip[here], longest(track)[here], 1.0 - self.flat[here]
+        hip, reach, free = self.hip[here], longest(track)[here], EASY * (1.0 - self.flat[here])
+        axis = turned(axis_rotation("Y", one.move.turn).expand(len(hip), 3, 3), track.left[here])
         ankle, ball = one.move(self._own(one, here)), None if track.ball is None else one.move(track.ball[here])
-        if float(lacking(hip, ankle, ball, reach, free)[0].max()) <= MISS:
+        if float(lacking(hip, ankle, ball, axis, reach, free)[0].max()) <= MISS:
             return one
         way = functional.normalize((hip[-1] - hip[0])[[0, 2]], dim=0)
         by = torch.tensor(SHIFTS, dtype=torch.float64)[:, None] * way
         more = torch.stack((by[:, 0], torch.zeros(len(by), dtype=by.dtype), by[:, 1]), dim=-1)[:, None]
-        down, off = lacking(hip, ankle + more, None if ball is None else ball + more, reach, free)
+        down, off = lacking(hip, ankle + more, None if ball is None else ball + more, axis, reach, free)
         cost = down.amax(-1) + off.amax(-1) + SHIFT_COST * by.norm(dim=-1)
         return replace(one, move=one.move.shifted(by[int(cost.argmin())]))
 
@@ -147,14 +160,14 @@ class _Foot:
         """From print to print. rise: (T,) of the body [m]."""
         track = self.track
         own, turn = self.edit(track.ankle), self.edit.turn
-        ankle, turned, weight = own.clone(), turn.clone(), torch.zeros_like(turn)
+        ankle, yaw, weight = own.clone(), turn.clone(), torch.zeros_like(turn)
         for one, (here, share) in zip(self.prints, weights(self.prints, len(own), self.frame_time), strict=True):
             move = spread(one.move, one, here)
             ankle[here] += share[:, None] * (move(self._own(one, here)) - own[here])
-            turned[here] += share * (move.turn - turn[here])
+            yaw[here] += share * (move.turn - turn[here])
             weight[here] += share
         ankle = sunk(ankle, -self._lift())
-        frame, hip = axis_rotation("Y", turned), self.hip
+        frame, hip = axis_rotation("Y", yaw), self.hip
         if self.footing is not None:
             ankle, frame = self.footing.lifted(ankle, frame, self.stands, self.frame_time)
             hip = sunk(hip, -rise)

@@ -12,6 +12,10 @@ from torch import Tensor
 from hopdiff.editing.root_path import RootPath
 from hopdiff.feet.track import smooth_step
 
+FAR = 0.4  # m that the edit may lead a foot astray in one contact
+ARM = 0.4  # m; a turn by a radian counts as so far
+STEP_TIME = 0.3  # s of a step that is made where there was none
+LEAST_STAND = 0.12  # s that a foot stands between two of them
 RAMP = 0.3  # s at most in which a foot goes over from its own place to the place of a contact
 
 
@@ -64,6 +68,38 @@ class FootPrint:
     @property
     def frames(self) -> slice:
         return slice(self.first, self.last + 1)
+
+
+def steps_in(
+    edit: GroundMove, foot: Tensor, plants: Sequence[tuple[int, int]], others: Tensor, frame_time: float
+) -> list[tuple[int, int]]:
+    """Contacts of one foot, those taken apart by a step in which the edit leads the body too far from where it stands.
+
+    edit, foot, plants: as `foot_prints` takes them. others: (T,) bool, whether another foot stands. A step is made
+    where half of the way is gone, or as near to that as another foot stands.
+    """
+    found = []
+    gap, least = max(2, round(STEP_TIME / frame_time)), max(2, round(LEAST_STAND / frame_time))
+    for first, last in plants:
+        middle = foot[first : last + 1].mean(dim=0)
+        here = edit.at(slice(first, last + 1))
+        gone = (
+            here(middle.expand(last + 1 - first, 3))[:, [0, 2]].diff(dim=0).norm(dim=-1) + ARM * here.turn.diff().abs()
+        )
+        gone = torch.cat((torch.zeros_like(gone[:1]), gone.cumsum(0)))
+        count = min(int(float(gone[-1]) / FAR), (last + 1 - first - least) // (gap + least))
+        start = first
+        for k in range(1, count + 1):
+            best = first + int(torch.searchsorted(gone, gone[-1] * k / (count + 1))) - gap // 2
+            low, high = start + least, last + 1 - (count - k + 1) * least - (count - k + 1) * gap
+            choices = [at for at in range(low, high + 1) if bool(others[at : at + gap].all())]
+            if not choices:
+                continue
+            at = min(choices, key=lambda frame: abs(frame - best))
+            found.append((start, at - 1))
+            start = at + gap
+        found.append((start, last))
+    return found
 
 
 def foot_prints(

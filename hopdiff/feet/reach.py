@@ -12,6 +12,7 @@ REACH = 0.99  # of the leg's length: as far as a foot is put, unless the source 
 SOFT = 0.93  # of the leg's length: from here on a leg stretches less and less
 STRETCHED = 0.985  # the same for a leg that stands
 HEEL = 0.9  # rad by which a heel is raised beyond the source's, at most
+EASY = 0.4  # of that before the body comes down
 BEHIND = (-0.05, 0.15)  # m that the hip is ahead of the ball of the foot: from where on, and from where on freely
 
 
@@ -30,57 +31,52 @@ def softened(track: LegTrack, distance: Tensor, soft: Tensor | float = SOFT) -> 
     return torch.minimum(distance, low) + (high - low) * (1.0 - torch.exp(-more / (high - low)))
 
 
-def toe_axis(ankle: Tensor, ball: Tensor) -> Tensor:
-    """(T, 3) level axes about which a foot turns on its ball, heel up."""
-    ahead = functional.normalize((ball - ankle)[..., [0, 2]], dim=-1)
-    x, z = ahead.unbind(-1)
-    return torch.stack((z, torch.zeros_like(x), -x), dim=-1)
-
-
-def heel_angle(hip: Tensor, ankle: Tensor, ball: Tensor, reach: Tensor) -> Tensor:
-    """(...,) angles about `toe_axis` by which a foot must be turned, heel up, for its ankle (..., 3) to be as far from
-    the hip as reach (...,), or as near to that as can be [rad].
+def heel_angle(hip: Tensor, ankle: Tensor, ball: Tensor, axis: Tensor, reach: Tensor) -> Tensor:
+    """(...,) angles about an axis (..., 3) to its left by which a foot must be turned on its ball, heel up, for its
+    ankle (..., 3) to be as far from the hip as reach (...,), or as near to that as can be [rad].
 
     The scalar product of hip and turned ankle, both from the ball, is A cos + B sin + C of the angle.
     """
-    axis = toe_axis(ankle, ball)
     towards, arm = hip - ball, ankle - ball
     fixed = (towards * axis).sum(-1) * (arm * axis).sum(-1)
     a = (towards * arm).sum(-1) - fixed
-    b = (towards * torch.linalg.cross(axis, arm)).sum(-1)
+    b = (towards * torch.linalg.cross(axis.expand_as(arm), arm)).sum(-1)
     wanted = 0.5 * ((towards**2).sum(-1) + (arm**2).sum(-1) - reach**2) - fixed
     share = (wanted / torch.sqrt(a**2 + b**2).clamp_min(1e-9)).clamp(-1.0, 1.0)
     angle: Tensor = torch.atan2(b, a) - torch.acos(share)
     return angle
 
 
-def heel_up(hip: Tensor, ankle: Tensor, ball: Tensor, reach: Tensor, most: Tensor) -> Tensor:
+def heel_up(hip: Tensor, ankle: Tensor, ball: Tensor, axis: Tensor, reach: Tensor, most: Tensor) -> Tensor:
     """(...,) the same, never heel down and at most by most (...,) [rad]."""
-    return torch.minimum(heel_angle(hip, ankle, ball, reach).clamp_min(0.0), most)
+    return torch.minimum(heel_angle(hip, ankle, ball, axis, reach).clamp_min(0.0), most)
 
 
-def turned_up(ankle: Tensor, ball: Tensor, angle: Tensor) -> Tensor:
+def turned_up(ankle: Tensor, ball: Tensor, axis: Tensor, angle: Tensor) -> Tensor:
     """(..., 3) ankles turned about the ball by angles (...,), heel up [m]."""
-    axis, arm = toe_axis(ankle, ball), ankle - ball
+    arm = ankle - ball
     c, s = torch.cos(angle)[..., None], torch.sin(angle)[..., None]
     along = (arm * axis).sum(-1, keepdim=True)
-    return ball + c * arm + s * torch.linalg.cross(axis, arm) + (1.0 - c) * along * axis
+    return ball + c * arm + s * torch.linalg.cross(axis.expand_as(arm), arm) + (1.0 - c) * along * axis
 
 
-def most_heel(hip: Tensor, ankle: Tensor, ball: Tensor) -> Tensor:
+def most_heel(hip: Tensor, ball: Tensor, axis: Tensor) -> Tensor:
     """(...,) by how much a heel may be raised [rad]: not while the hip is still behind the foot."""
-    ahead = functional.normalize((ball - ankle)[..., [0, 2]], dim=-1)
+    x, _, z = axis.unbind(-1)
+    ahead = functional.normalize(torch.stack((-z, x), dim=-1), dim=-1)
     before = ((hip - ball)[..., [0, 2]] * ahead).sum(-1)
     share = ((before - BEHIND[0]) / (BEHIND[1] - BEHIND[0])).clamp(0.0, 1.0)
     return HEEL * share**2 * (3.0 - 2.0 * share)
 
 
-def lacking(hip: Tensor, ankle: Tensor, ball: Tensor | None, reach: Tensor, heel: Tensor) -> tuple[Tensor, Tensor]:
+def lacking(
+    hip: Tensor, ankle: Tensor, ball: Tensor | None, axis: Tensor, reach: Tensor, heel: Tensor
+) -> tuple[Tensor, Tensor]:
     """(...,) how far the hip (..., 3) must come down for the ankle to be within reach (...,), heel raised as far as it
     may, and by how much it is out of reach [m]. heel: (...,) share of the angle by which it may be raised."""
     if ball is not None:
-        most = heel * most_heel(hip, ankle, ball)
-        ankle = turned_up(ankle, ball, heel_up(hip, ankle, ball, reach, most))
+        most = heel * most_heel(hip, ball, axis)
+        ankle = turned_up(ankle, ball, axis, heel_up(hip, ankle, ball, axis, reach, most))
     gap = ankle - hip
     level = gap[..., 0] ** 2 + gap[..., 2] ** 2
     down = (-gap[..., 1] - (reach**2 - level).clamp_min(0.0).sqrt()).clamp_min(0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -42,12 +43,23 @@ class LegTrack:
         """(T, 3) a point of contact [m]: that of the toe joint, or the ankle."""
         return self.ball if self.ball is not None and joint == self.leg.toe else self.ankle
 
-    @property
+    @cached_property
+    def left(self) -> Tensor:
+        """(T, 3) axes to the left of the foot, in the world: level while it is, and turned with it otherwise."""
+        if self.ball is None or self.foot is None:
+            return self.upper[:, :, 0]
+        ahead = (self.ball - self.ankle) * self.ball.new_tensor((1.0, 0.0, 1.0))
+        level = torch.linalg.cross(ahead.new_tensor((0.0, 1.0, 0.0)).expand_as(ahead), ahead)
+        # A foot that points down says nothing of its sides.
+        local = (self.foot.transpose(-1, -2) @ level.unsqueeze(-1)).squeeze(-1) * ahead.norm(dim=-1, keepdim=True)
+        return _turned(self.foot, functional.normalize(local.sum(dim=0), dim=0))
+
+    @cached_property
     def length(self) -> Tensor:
         """(T,) of the leg, stretched out."""
         return (self.knee - self.hip).norm(dim=-1) + (self.ankle - self.knee).norm(dim=-1)
 
-    @property
+    @cached_property
     def span(self) -> Tensor:
         """(T,) from hip to ankle, as a share of the leg's length."""
         return (self.ankle - self.hip).norm(dim=-1) / self.length

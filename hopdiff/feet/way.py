@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from hopdiff.feet.reach import SOFT, STRETCHED, heel_up, lacking, longest, most_heel, softened, toe_axis, turned_up
+from hopdiff.feet.reach import EASY, SOFT, STRETCHED, heel_up, lacking, longest, most_heel, softened, turned_up
 from hopdiff.feet.track import LegTrack, bent, smooth_step
 from hopdiff.geometry.rotation import rotation_about
 
@@ -35,22 +36,28 @@ class FootWay:
     flat: Tensor
     frame_time: float
 
-    @property
+    @cached_property
     def ball(self) -> Tensor | None:
         """(T, 3) of the foot before its heel is raised [m]."""
         if self.track.ball is None:
             return None
         return self.ankle + turned(self.frame, self.track.ball - self.track.ankle)
 
+    @cached_property
+    def axis(self) -> Tensor:
+        """(T, 3) to the left of the foot."""
+        return turned(self.frame, self.track.left)
+
     def sink(self) -> Tensor:
         """(T,) how far the body must come down for the standing foot to be within reach [m]."""
-        down = lacking(self.hip, self.ankle, self.ball, longest(self.track), 1.0 - self.flat)[0]
+        easy = EASY * (1.0 - self.flat)
+        down = lacking(self.hip, self.ankle, self.ball, self.axis, longest(self.track), easy)[0]
         return torch.where(self.stands, down, torch.zeros_like(down))
 
     def missed(self, lowered: Tensor) -> Tensor:
         """(T,) by how much the print of the standing foot is out of reach of a body that is lowered [m]."""
         free = torch.ones_like(self.flat)
-        off = lacking(sunk(self.hip, lowered), self.ankle, self.ball, longest(self.track), free)[1]
+        off = lacking(sunk(self.hip, lowered), self.ankle, self.ball, self.axis, longest(self.track), free)[1]
         return torch.where(self.stands, off, torch.zeros_like(off))
 
     def pose(self, rotations: Tensor, turn: Tensor, lowered: Tensor) -> None:
@@ -61,9 +68,9 @@ class FootWay:
         if ball is not None and foot is not None:
             near = smooth_step(1.0 - apart(self.stands) * self.frame_time / HEEL_RAMP)
             wanted = softened(track, (ankle - hip).norm(dim=-1), SOFT + self.flat * (STRETCHED - SOFT))
-            pitch = heel_up(hip, ankle, ball, wanted, most_heel(hip, ankle, ball) * near)
-            axis = toe_axis(ankle, ball)
-            ankle = turned_up(ankle, ball, pitch)
+            axis = self.axis
+            pitch = near * heel_up(hip, ankle, ball, axis, wanted, most_heel(hip, ball, axis))
+            ankle = turned_up(ankle, ball, axis, pitch)
             foot = rotation_about(axis, pitch) @ foot
             if toe is not None:
                 # Toes stay on the ground while the heel is up, and follow the foot as it leaves.
