@@ -178,11 +178,11 @@ def stop_early(way: Way) -> Ask:
 
 
 def two_apart(way: Way) -> Ask:
-    """The last frame and the one a second before it, shifted to different sides."""
+    """The frame a second before the end shifted aside, and the last one turned where it is."""
     frame = max(1, way.last - round(1.0 / way.frame_time))
-    wide = min(0.1 * way.length, 0.4)
+    wide = min(0.1 * way.length, 0.2)
     early = constrained([(frame, way.place[frame] + wide * way.left(frame), "keep")])
-    late = turned(way, -0.5 * wide * way.left(way.last), 45.0)
+    late = turned(way, np.zeros(2), 30.0)
     return Ask((*early.words, *late.words), (*early.bound, *late.bound))
 
 

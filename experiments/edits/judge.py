@@ -21,6 +21,7 @@ Height = Callable[[Floats, Floats], Floats]  # of the ground at x, z
 LOW, STILL, HASTE = 0.04, 0.35, 0.15  # m; m/s; share of the body's speed that a runner's foot may move
 SHORTEST, GAP, GLANCE = 0.08, 0.05, 1.0 / 30.0  # s
 LIFT = 0.03  # m of the lowest point of a foot that makes a step
+OFF = 0.005  # m by which it is off the ground before and after that
 AROUND = 1.5  # s in which a foot's own floor is looked for, so that a slope does not end its contacts
 LEG = 0.9  # m, for which LOW is meant
 # What passes, beyond the source where there is one.
@@ -229,8 +230,9 @@ def stepping(edited: Body, own: Flags, floor: Floor, level: Height) -> Flags:
     for leg in edited.legs:
         points = slice(column, column + len(leg.feet))
         column += len(leg.feet)
-        for first, after in runs(~own[:, points].any(axis=1)):
-            found[first:after, points] = above[first:after, points].min(axis=1).max() >= LIFT
+        lift = above[:, points].min(axis=1)
+        for first, after in runs(~own[:, points].any(axis=1) | (lift > OFF)):
+            found[first:after, points] = lift[first:after].max() >= LIFT
     return found
 
 
@@ -384,10 +386,7 @@ def largest_ratio(new: dict[str, float], old: dict[str, float]) -> float:
     for name, value in old.items():
         kind = kind_of(name)
         least[kind] = max(least.get(kind, 0.0), 0.05 * value)
-    ratios = [
-        value / max(old[name], least[kind_of(name)], 1e-9)
-        for name, value in new.items()
-    ]
+    ratios = [value / max(old[name], least[kind_of(name)], 1e-9) for name, value in new.items()]
     return max(ratios, default=1.0)
 
 

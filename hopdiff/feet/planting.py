@@ -10,6 +10,7 @@ sooner.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import torch
@@ -17,12 +18,12 @@ from torch import Tensor
 from torch.nn import functional
 
 from hopdiff.editing.root_path import root_path
-from hopdiff.feet.contacts import Contacts
+from hopdiff.feet.contacts import Contacts, spans
 from hopdiff.feet.footing import Footing, body_rise
-from hopdiff.feet.prints import FootPrint, GroundMove, foot_prints, shortened, spread, steps_in, weights
+from hopdiff.feet.prints import STEP_TIME, FootPrint, GroundMove, foot_prints, shortened, spread, steps_in, weights
 from hopdiff.feet.reach import EASY, lacking, longest
 from hopdiff.feet.track import LegTrack, leg_tracks, smooth_step
-from hopdiff.feet.way import HEEL_RAMP, FootWay, apart, lowering, smoothed, sunk, turned, widest
+from hopdiff.feet.way import HEEL_RAMP, FootWay, apart, lowering, sunk, turned
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.terrain.ground import Ground
@@ -32,8 +33,7 @@ MISS = 0.003  # m that a foot in contact may be off its print
 SHIFTS = (0.0, 0.03, -0.03, 0.06, -0.06, 0.1, -0.1, 0.14, -0.14)  # m along the way by which prints are tried
 SHIFT_COST = 0.1  # m of lowering that a metre of a shifted print counts as
 PASSES = 3  # of giving up contacts that are out of reach
-RISE = 0.04  # m by which a foot is lifted where it stood in the source and cannot
-CLEAR = 0.08  # s in which that is done
+RISE = 0.05  # m by which a foot is lifted in a step where it stood in the source
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,11 +175,14 @@ class _Foot:
 
     def _lift(self) -> Tensor:
         """(T,) by how much the foot is lifted where it has left the ground, or not come to it, unlike in the source."""
-        up = (self.stood & ~self.stands).double()
-        if not bool(up.any()):
-            return up
-        wide = 2 * max(1, round(0.05 / self.frame_time)) + 1
-        return RISE * smoothed(widest(up, wide), wide) * smooth_step(apart(self.stands) * self.frame_time / CLEAR)
+        lift = torch.zeros(len(self.stood), dtype=torch.float64)
+        for first, last in spans(~self.stands):
+            count = int((self.stood[first : last + 1]).sum())
+            if count:
+                share = torch.linspace(0.0, math.pi, last - first + 3, dtype=torch.float64)[1:-1]
+                most = RISE * min(1.0, count * self.frame_time / STEP_TIME)
+                lift[first : last + 1] = most * torch.sin(share) ** 2
+        return lift
 
     def give_up(self, missed: Tensor) -> bool:
         """Leave out the frames of contacts that are out of reach (T,) [m]; whether there are any."""

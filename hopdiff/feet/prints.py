@@ -14,9 +14,11 @@ from hopdiff.feet.track import smooth_step
 
 FAR = 0.4  # m that the edit may lead a foot astray in one contact
 ARM = 0.4  # m; a turn by a radian counts as so far
-STEP_TIME = 0.3  # s of a step that is made where there was none
+STEP_TIME = 0.45  # s of a step that is made where there was none
 LEAST_STAND = 0.12  # s that a foot stands between two of them
-RAMP = 0.3  # s at most in which a foot goes over from its own place to the place of a contact
+HOLD = 0.03  # s before and after a contact in which a foot moves as in it: where it ends is a matter of thresholds
+SOON = 0.3  # s: a contact that begins in half of that, or ended in it, has no time to be elsewhere
+RAMP = 0.8  # s at most in which a foot goes over from its own place to the place of a contact
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +119,8 @@ def foot_prints(
     for number, (first, last) in enumerate(plants):
         before = first - (plants[number - 1][1] if number else -end)
         after = (plants[number + 1][0] if number + 1 < len(plants) else 2 * end) - last
-        at_start = first <= 0.5 * min(RAMP / frame_time, before)
-        at_end = end - last <= 0.5 * min(RAMP / frame_time, after)
+        at_start = first <= 0.5 * min(SOON / frame_time, before)
+        at_end = end - last <= 0.5 * min(SOON / frame_time, after)
         if at_start and at_end:
             share = smooth_step(torch.linspace(0.0, 1.0, last - first + 1, dtype=foot.dtype))
             start, stop = edit.at(0), edit.at(-1)
@@ -151,8 +153,11 @@ def weights(
         room_after = min(RAMP / frame_time, later - one.last, frames if ends or one.last == end else end - one.last)
         here = slice(max(0, math.floor(one.first - room_before)), min(frames, math.ceil(one.last + room_after) + 1))
         times = torch.arange(here.start, here.stop, dtype=torch.float64)
-        weight = smooth_step(1.0 - (one.first - times).clamp_min(0.0) / max(room_before, 1e-9))
-        found.append((here, weight * smooth_step(1.0 - (times - one.last).clamp_min(0.0) / max(room_after, 1e-9))))
+        share = torch.ones_like(times)
+        for off, room in ((one.first - times, room_before), (times - one.last, room_after)):
+            held = min(HOLD / frame_time, 0.2 * room)
+            share = share * smooth_step(1.0 - (off - held).clamp_min(0.0) / max(room - 2.0 * held, 1e-9))
+        found.append((here, share))
     return found
 
 

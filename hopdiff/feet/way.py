@@ -15,6 +15,7 @@ from hopdiff.feet.track import LegTrack, bent, smooth_step
 from hopdiff.geometry.rotation import rotation_about
 
 SETTLING = 0.3  # s in which the root is lowered and raised again
+LANDING = 0.1  # s around a contact in which a leg stretches as in it
 HEEL_RAMP = 0.15  # s around a contact in which a heel is raised as in it
 
 
@@ -69,7 +70,9 @@ class FootWay:
             near = smooth_step(1.0 - apart(self.stands) * self.frame_time / HEEL_RAMP)
             wanted = softened(track, (ankle - hip).norm(dim=-1), SOFT + self.flat * (STRETCHED - SOFT))
             axis = self.axis
-            pitch = near * heel_up(hip, ankle, ball, axis, wanted, most_heel(hip, ball, axis))
+            pitch = heel_up(hip, ankle, ball, axis, wanted, most_heel(hip, ball, axis))
+            # In the air a foot keeps what it had on the ground, and lets go of it.
+            pitch = near * pitch[nearest(self.stands)]
             ankle = turned_up(ankle, ball, axis, pitch)
             foot = rotation_about(axis, pitch) @ foot
             if toe is not None:
@@ -78,7 +81,7 @@ class FootWay:
         # A foot in the air is drawn in rather than stretched for.
         gap = ankle - hip
         distance = gap.norm(dim=-1)
-        near = smooth_step(2.0 * self.weight - 1.0)
+        near = smooth_step(1.0 - apart(self.stands) * self.frame_time / LANDING)
         drawn = softened(track, distance, SOFT + near * (STRETCHED - SOFT))
         ankle = hip + gap * (drawn / distance.clamp_min(1e-9))[:, None]
         bent(track, rotations, turn, hip, ankle, foot, toe)
@@ -128,9 +131,19 @@ def smoothed(values: Tensor, wide: int) -> Tensor:
 
 def apart(flags: Tensor) -> Tensor:
     """(T,) frames to the nearest one that is true; far where there is none."""
+    if not bool(flags.any()):
+        return torch.full((len(flags),), 1e9, dtype=torch.float64)
+    frames = torch.arange(len(flags))
+    return (frames - nearest(flags)).abs().double()
 
-    def since(flags: Tensor) -> Tensor:
-        index = torch.arange(len(flags), dtype=torch.float64)
-        return index - torch.where(flags, index, torch.full_like(index, -1e9)).cummax(dim=0).values
 
-    return torch.minimum(since(flags), since(flags.flip(0)).flip(0))
+def nearest(flags: Tensor) -> Tensor:
+    """(T,) the nearest frame that is true; 0 where there is none."""
+    true = flags.nonzero().flatten()
+    frames = torch.arange(len(flags))
+    if not len(true):
+        return torch.zeros_like(frames)
+    after = torch.searchsorted(true, frames).clamp_max(len(true) - 1)
+    before = (after - 1).clamp_min(0)
+    nearer = (true[after] - frames).abs() < (true[before] - frames).abs()
+    return torch.where(nearer, true[after], true[before])

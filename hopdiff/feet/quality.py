@@ -1,0 +1,165 @@
+"""Whether a motion with new feet still looks like the one it was made of: numbers, and sentences where it does not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from hopdiff.feet.contacts import Contacts, contact_points, slide_numbers
+from hopdiff.feet.planting import Planted
+from hopdiff.feet.track import LegTrack, leg_tracks
+from hopdiff.geometry.clip import Clip
+from hopdiff.terrain.ground import Ground
+
+GLANCE = 1.0 / 30.0  # s over which speeds and accelerations are taken, so that cameras' noise does not count
+# Beyond these a user is told. [m], [m], [m], [m], times the source's, times the source's, degrees, share.
+BARS = {
+    "first_pose_error": 1e-4,
+    "last_pose_error": 1e-4,
+    "root_drop": 0.08,
+    "foot_float": 0.01,
+    "foot_sink": 0.01,
+    "joint_speed_ratio": 1.5,
+    "joint_acceleration_ratio": 2.0,
+    "hyperextension_deg": 1.0,
+    "given_up": 0.05,
+}
+
+
+@dataclass(frozen=True)
+class Quality:
+    """numbers: by the names of BARS, and where and what was worst. sentences: for a user, one for each bar passed."""
+
+    numbers: dict[str, float]
+    sentences: list[str]
+
+
+def quality_of(source: Clip, planted: Planted, contacts: Contacts, ground: Ground | None = None) -> Quality:
+    """How a planted clip compares with its source.
+
+    first_pose_error, last_pose_error: farthest that a joint is from where the source's is, the last pose seen from the
+    root [m]. root_drop: farthest that the root comes down against the source, less what the ground does [m].
+    foot_float, foot_sink: farthest that a point of a standing foot is above or below its height in the source, over the
+    ground [m]. joint_speed_ratio, joint_acceleration_ratio: largest of any joint, seen from the root, against the
+    source's largest. hyperextension_deg: largest bend of a knee beyond straight, more than the source's. given_up:
+    share of the source's contacts in which the foot does not stand.
+    """
+    clip = planted.clip
+    places, old = clip.joint_positions().double(), source.joint_positions().double()
+    seen, old_seen = (_from_root(one, c) for one, c in ((places, clip), (old, source)))
+    over, old_over = _over_ground(clip, contacts, ground)
+    stands = contacts.touching & planted.touching[:, [leg for leg, _ in contacts.points]]
+    off = torch.where(stands, over - (contact_points(source, contacts)[..., 1] - old_over), torch.zeros_like(over))
+    drop = planted.lowered
+    speed, old_speed = (_rate(one, source.frame_time, 1) for one in (seen, old_seen))
+    jolt, old_jolt = (_rate(one, source.frame_time, 2) for one in (seen, old_seen))
+    tracks = zip(leg_tracks(clip, contacts.legs), leg_tracks(source, contacts.legs), strict=True)
+    beyond = [(new, _straight(new, was) - _straight(was, was)) for new, was in tracks]
+    stood = planted.touching | planted.given_up
+    first = old[0] if ground is None else old[0] + (places[0] - old[0])[:1]
+    rest = torch.ones(places.shape[1], dtype=torch.bool)
+    if ground is not None:
+        rest[[k for leg in contacts.legs for k in _below(clip, leg.hip)]] = False
+    numbers = {
+        "first_pose_error": float((places[0] - first)[rest].norm(dim=-1).max()),
+        "last_pose_error": float((seen[-1] - old_seen[-1])[rest].norm(dim=-1).max()),
+        "root_drop": float(drop.max()),
+        "foot_float": float(off.max().clamp_min(0.0)) if off.numel() else 0.0,
+        "foot_sink": float((-off).max().clamp_min(0.0)) if off.numel() else 0.0,
+        "joint_speed_ratio": _ratio(speed, old_speed),
+        "joint_acceleration_ratio": _ratio(jolt, old_jolt),
+        "hyperextension_deg": max((math.degrees(float(more.max())) for _, more in beyond), default=0.0),
+        "given_up": float(planted.given_up.sum()) / max(1, int(stood.sum())),
+    }
+    where = {
+        "root_drop": int(drop.argmax()),
+        "joint_speed_ratio": int(speed.amax(dim=-1).argmax()) if speed.numel() else 0,
+        "joint_acceleration_ratio": int(jolt.amax(dim=-1).argmax()) if jolt.numel() else 0,
+        "given_up": int(planted.given_up.any(dim=-1).int().argmax()),
+    }
+    names = clip.skeleton.names
+    fastest = names[int(speed.amax(dim=0).argmax())] if speed.numel() else names[0]
+    sentences = [
+        _sentence(name, value, where.get(name, 0), fastest) for name, value in numbers.items() if value > BARS[name]
+    ]
+    return Quality(numbers, sentences)
+
+
+def standing_numbers(planted: Planted, contacts: Contacts) -> dict[str, float]:
+    """`slide_numbers` of a planted clip, in the contacts that it keeps."""
+    kept = contacts.touching & planted.touching[:, [leg for leg, _ in contacts.points]]
+    found = Contacts(contacts.legs, contacts.points, contacts.names, kept, contacts.floor, contacts.level)
+    return slide_numbers(planted.clip, found)
+
+
+def _sentence(name: str, value: float, frame: int, joint: str) -> str:
+    """What a user is told of a bar that was passed."""
+    times = f"{value:.1f} times"
+    return {
+        "first_pose_error": f"the first pose is {1000 * value:.1f} mm off the clip's.",
+        "last_pose_error": f"the last pose is {1000 * value:.1f} mm off the clip's.",
+        "root_drop": f"around frame {frame} the body comes down by {100 * value:.0f} cm: the steps are too long for it.",
+        "foot_float": f"a standing foot floats {100 * value:.1f} cm above the ground.",
+        "foot_sink": f"a standing foot sinks {100 * value:.1f} cm into the ground.",
+        "joint_speed_ratio": f"{joint} moves {times} as fast as anything in the clip, around frame {frame}.",
+        "joint_acceleration_ratio": f"a joint is jerked {times} as hard as any in the clip, around frame {frame}.",
+        "hyperextension_deg": f"a knee bends {value:.1f} degrees farther back than in the clip.",
+        "given_up": (
+            f"in {100 * value:.0f} % of the frames in which feet stand in the clip they had to step or leave the ground"
+            f" sooner, first around frame {frame}: the way asks for longer or other steps."
+        ),
+    }[name]
+
+
+def _from_root(places: Tensor, clip: Clip) -> Tensor:
+    """(T, J, 3) joints as the root sees them [m]."""
+    return (places - clip.root_position.double()[:, None]) @ clip.rotations[:, 0].double()
+
+
+def _over_ground(clip: Clip, contacts: Contacts, ground: Ground | None) -> tuple[Tensor, Tensor]:
+    """(T, P) heights of points of the feet over the ground, and (T, P) of the ground under them in the source [m]."""
+    points = contact_points(clip, contacts)
+    level = contacts.level[:, [leg for leg, _ in contacts.points]]
+    if ground is None:
+        return points[..., 1] - level, level
+    return points[..., 1] - ground.height(points[..., [0, 2]]), level
+
+
+def _rate(places: Tensor, frame_time: float, order: int) -> Tensor:
+    """(T', J) sizes of differences of some order, a glance apart, per second."""
+    apart = max(1, round(GLANCE / frame_time))
+    found = places
+    for _ in range(order):
+        if len(found) <= apart:
+            return places.new_zeros(0, places.shape[1])
+        found = (found[apart:] - found[:-apart]) / (apart * frame_time)
+    return found.norm(dim=-1)
+
+
+def _ratio(new: Tensor, old: Tensor) -> float:
+    if not new.numel() or float(old.max()) < 1e-9:
+        return 1.0
+    return float(new.max() / old.max())
+
+
+def _straight(track: LegTrack, source: LegTrack) -> Tensor:
+    """(T,) by how much a knee is bent back beyond straight, about the axis that the source's is bent about [rad]."""
+    thigh, shank = track.knee - track.hip, track.ankle - track.knee
+    normal = torch.linalg.cross(source.knee - source.hip, source.ankle - source.knee)
+    usual = functional.normalize((source.upper.transpose(-1, -2) @ normal.unsqueeze(-1)).squeeze(-1).sum(dim=0), dim=0)
+    axis = track.upper @ usual
+    sine = (torch.linalg.cross(thigh, shank) * axis).sum(-1)
+    return (-torch.atan2(sine, (thigh * shank).sum(-1))).amax().clamp_min(0.0)
+
+
+def _below(clip: Clip, joint: int) -> list[int]:
+    """A joint and all that hangs on it."""
+    found = [joint]
+    for k, parent in enumerate(clip.skeleton.parents):
+        if parent in found:
+            found.append(k)
+    return found
