@@ -27,6 +27,7 @@ GROUPS = {
     "genes": "The free numbers of a run and their ranges.",
     "search": "How the best run is looked for.",
     "character": "The body.",
+    "ground": "What feet stand on, of `task=edit`, `task=path` and `task=navigate`; flat unless chosen.",
     "export": "Forms for other programs, as `export=[glb,html]`. Its settings are called `exports.NAME.SETTING`.",
     "hydra/launcher": "Where the runs of a sweep are made; without one, one after the other.",
     "experiment": "Settings that go together, added with a plus: `+experiment=brisk`.",
@@ -184,7 +185,7 @@ def settings_page(conf: Path) -> str:
             if group == "export":
                 parts += ["Of every export:", _settings(list(_of_class(ExportSettings, "exports.NAME.", {})))]
             for file in shown:
-                entries = [entry for entry in file.entries if entry.name != f"{group}.name"]
+                entries = [entry for entry in file.entries if entry.name not in (f"{group}.name", "ground.kind")]
                 if group == "search":
                     known = {entry.name for entry in entries}
                     more = _of_class(SEARCHES.load(file.name), "search.", file.told)

@@ -139,13 +139,41 @@ def _in_files() -> dict[str, str]:
     for path in sorted((config_folder() / "task").glob("*.yaml")):
         for name in _names(_read(path), ""):
             found.setdefault(name, path.stem)
-    for group in ("model", "costs"):
+    for group in ("model", "costs", "ground"):
         for path in sorted((config_folder() / group).glob("*.yaml")):
             content = _read(path)
             inside = content if group in content else {group: content}
             for name in _names(inside, ""):
                 found.setdefault(name, "")
     return found
+
+
+def defaults_of(group: str, name: str) -> dict[str, Any]:
+    """The settings in a file of a group of conf/."""
+    return _read(config_folder() / group / f"{name}.yaml")
+
+
+def tasks_with(group: str) -> list[str]:
+    """The tasks that choose from a group which is not there for all."""
+    found = []
+    for path in sorted((config_folder() / "task").glob("*.yaml")):
+        defaults = (yaml.safe_load(path.read_text(encoding="utf-8")) or {}).get("defaults", [])
+        if any(isinstance(one, Mapping) and f"/{group}" in one for one in defaults):
+            found.append(path.stem)
+    return found
+
+
+def of_tasks(key: str, tasks: Sequence[str]) -> str:
+    """The sentence for a setting that only some tasks have."""
+    return f"{key} is a setting of task={', task='.join(tasks)}: add one of these."
+
+
+def choices_with(key: str) -> list[str]:
+    """The choices of a group, as ground=slope, whose file has a setting of this dotted name."""
+    group, _, name = key.partition(".")
+    if group != "ground" or not name:
+        return []
+    return [f"{group}={choice}" for choice in files_of(group) if name in defaults_of(group, choice)]
 
 
 def task_of(key: str) -> str | None:

@@ -15,7 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from hopdiff.character import Character, CharacterSettings
 from hopdiff.choices import build_costs, build_model, build_search, with_floats
-from hopdiff.composing import known_settings, task_of
+from hopdiff.composing import known_settings, of_tasks, task_of, tasks_with
 from hopdiff.costs import CostSettings
 from hopdiff.effort.problem import BodyProblem
 from hopdiff.effort.settings import EffortSettings
@@ -124,6 +124,8 @@ def unknown_setting(name: str) -> str:
         return f"A file of {name}/ lacks its first line: # @package {package}"
     if task := task_of(name):
         return f"{name} is a setting of task={task}: add task={task}."
+    if tasks := tasks_with(name):
+        return of_tasks(name, tasks)
     return f"Unknown setting {name!r}.{near(name, known_settings(name))}"
 
 

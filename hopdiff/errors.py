@@ -17,7 +17,7 @@ from omegaconf.errors import (
 from yaml import MarkedYAMLError
 from yaml.reader import ReaderError
 
-from hopdiff.composing import choices_of, known_settings, own_file, task_of
+from hopdiff.composing import choices_of, choices_with, known_settings, of_tasks, own_file, task_of, tasks_with
 from hopdiff.doors import config_folder
 from hopdiff.extras import of_launcher
 from hopdiff.messages import near, one_line, unknown, wrong_value
@@ -98,6 +98,8 @@ def _composition(error: ConfigCompositionException) -> str:
         cause = {"ValidationError": ValidationError, "ConfigKeyError": ConfigKeyError}.get(kind, OmegaConfBaseException)
         return f"{file}.yaml: {_setting(cause(rest), name.group(1) if name else '', rest)}"
     if found := re.match(r"Could not override '(.+?)'\. No match in the defaults list", text):
+        if tasks := tasks_with(found.group(1)):
+            return of_tasks(found.group(1), tasks)
         return f"{found.group(1)} is not chosen by default: write +{found.group(1)}=NAME."
     if found := re.match(r"Could not append to config. An item is already at '(.+?)'", text):
         return f"{found.group(1)} has a value already: write {found.group(1)}=VALUE, without the plus."
@@ -115,6 +117,10 @@ def _setting(error: OmegaConfBaseException, key: str, text: str) -> str:
             return f"{key} is there once it is chosen: add export=[{found.group(1)}]."
         if task := task_of(key):
             return f"{key} is a setting of task={task}: add task={task}."
+        if tasks := tasks_with(key):
+            return of_tasks(key, tasks)
+        if choices := choices_with(key):
+            return f"{key} is a setting of {', '.join(choices)}: add {'it' if len(choices) == 1 else 'one of these'}."
         if key in (known := known_settings(key)):
             return f"{key} is no setting of what is chosen here."
         guess = near(key, known)
@@ -125,8 +131,6 @@ def _setting(error: OmegaConfBaseException, key: str, text: str) -> str:
         return f"{key}: {one_line(error)}."
     if said := wrong_value(key, text):
         return said
-    if "is not Optional" in text or text.startswith("Incompatible value 'None'"):
-        return f"{key} needs a value, not null."
     if "Missing mandatory value" in text:
         return f"{key} needs a value."
     first = text.strip().splitlines()[0].rstrip(".")

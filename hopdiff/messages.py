@@ -45,6 +45,8 @@ def choose(what: str, name: str, choices: Iterable[str]) -> str:
 
 def wrong_value(name: str, text: str) -> str | None:
     """The sentence for OmegaConf's text on a value of the wrong type; None for texts on anything else."""
+    if "is not Optional" in text or text.startswith("Incompatible value 'None'"):
+        return f"{name} needs a value, not null."
     found = re.search(r"Value '(.*)' (?:of type '.*' could not be converted to|is not a valid) (\w+)", text)
     return f"{name} must be {_KINDS.get(found.group(2), found.group(2))}, not {found.group(1)!r}." if found else None
 

@@ -23,6 +23,7 @@ from hopdiff.editing.solve import SolveSettings
 from hopdiff.effort.settings import EffortSettings
 from hopdiff.export.settings import ExportSettings
 from hopdiff.genes import GeneSettings
+from hopdiff.grounds import GROUNDS
 from hopdiff.models import MODELS
 from hopdiff.tasks.edit import EditTask
 
@@ -186,7 +187,7 @@ def test_something_new_touches_as_many_files_as_the_table_says(
 
 def settings_classes() -> list[type]:
     """Those whose values stand in files of conf/, with what is inside of them."""
-    found: list[type] = [Config, *MODELS.values(), EffortSettings, CostSettings]
+    found: list[type] = [Config, *MODELS.values(), EffortSettings, CostSettings, *GROUNDS.values()]
     found += [TASKS.load(name).settings for name in TASKS.own]
     # A body and a table of genes are data of their user's own, which may leave out what a body need not have.
     left_out = {CharacterSettings, GeneSettings, ExportSettings}

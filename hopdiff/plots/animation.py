@@ -16,9 +16,11 @@ from hopdiff.plots.body import Body
 from hopdiff.plots.film import Film
 from hopdiff.plots.ground import ground_points, shadow
 from hopdiff.plots.poses import sample
-from hopdiff.plots.scene import Footprint, footprints, ground_track, side_camera
+from hopdiff.plots.relief import laid
+from hopdiff.plots.scene import footprints, ground_track, side_camera
 from hopdiff.plots.strip import EDGE, FILL
 from hopdiff.plots.view import Array, Camera, numbers
+from hopdiff.terrain.ground import Ground
 
 _PACE = 0.03  # seconds from one picture of a stride to the next, about
 _SUPERSAMPLE = 2
@@ -31,6 +33,7 @@ _BRIEF = 6.0  # seconds up to which a run along a path gets 25 pictures a second
 _BRISK, _CALM = 0.04, 0.06  # seconds from one of them to the next
 _ELEVATION = math.radians(25.0)
 _AROUND = 1.7  # metres of ground to either side of the runner
+_BENDS = 160  # points of a line of the grid on uneven ground
 _FOLLOW = 0.15  # seconds over which the camera follows (standard deviation), so that it does not shake
 
 
@@ -60,27 +63,30 @@ def stride_film(motion: Motion, caption: tuple[str, ...] = ()) -> Film:
     return Film(duration, True, (_PACE, 1 / 60), _COLOURS, (0.25, 0.5, 0.75), draw, lines)
 
 
-def path_film(motion: Motion, curve: ArrayLike | None = None, caption: tuple[str, ...] = ()) -> Film:
+def path_film(
+    motion: Motion, curve: ArrayLike | None = None, caption: tuple[str, ...] = (), ground: Ground | None = None
+) -> Film:
     """A run along a path: a camera of fixed direction, above and beside, goes along with the runner.
 
     The ground carries a grid of metres, the path and the footprints made so far. curve: (L, 2) points [x, z] close
-    together on the path [m]; without it the track of the hips is drawn. caption: lines over the pictures.
+    together on the path [m]; without it the track of the hips is drawn. caption: lines over the pictures. ground: what
+    the runner stands on.
     """
     body = Body(motion.clip.skeleton)
     camera = side_camera(motion, _ELEVATION)
     times, points = numbers(motion.times), body.points(motion.clip)
     duration = float(times[-1] - times[0])
-    track, _ = ground_track(motion)
+    track = laid(ground_track(motion)[0], ground)
     followed = gaussian_filter1d(track, _FOLLOW / motion.clip.frame_time, axis=0, mode="nearest")
-    line = ground_points(curve) if curve is not None else track
+    line = laid(ground_points(curve), ground) if curve is not None else track
     top = float((camera.project(points)[..., 1] - camera.project(followed)[:, None, 1]).max()) + _ABOVE
-    prints = footprints(motion)
+    prints = [(step, laid(step.outline(), ground)) for step in footprints(motion)]
 
     def draw(moments: Array, width: int) -> Iterator[Image.Image]:
         at = times[0] + moments
         for time, pose, centre in zip(at, sample(times, points, at), sample(times, followed, at), strict=True):
-            made = [step for step in prints if step.time <= time]
-            yield _draw_ground(body, camera, pose, centre, line, made, top, width)
+            made = [(step.side, outline) for step, outline in prints if step.time <= time]
+            yield _draw_ground(body, camera, pose, centre, line, made, top, width, ground)
 
     pace = _BRISK if duration <= _BRIEF else _CALM
     return Film(duration, False, (pace, 1 / 30), (*_COLOURS, style.LEFT, _PALE), (0.5,), draw, caption)
@@ -92,11 +98,12 @@ def _draw_ground(
     pose: Array,
     centre: Array,
     line: Array,
-    prints: list[Footprint],
+    prints: list[tuple[str, Array]],
     top: float,
     width: int,
+    ground: Ground | None,
 ) -> Image.Image:
-    """One frame around `centre` (3,) on the ground; top: of the picture above it [m]."""
+    """One frame around `centre` (3,) on the ground; top: of the picture above it [m]. prints: side and outline."""
     scale = _SUPERSAMPLE * width / (2.0 * _AROUND)
     bottom = -0.45 * _AROUND
     height = round((top - bottom) * scale / _SUPERSAMPLE)
@@ -110,13 +117,13 @@ def _draw_ground(
     far = 1.0 + max(_AROUND, max(top, -bottom) / math.sin(_ELEVATION)) * math.sqrt(2.0)
     for axis in (0, 2):
         for value in np.arange(math.ceil(centre[axis] - far), centre[axis] + far):
-            bar = np.stack((centre - far, centre + far)) * np.array([1.0, 0.0, 1.0])
+            bar = np.linspace(centre - far, centre + far, 2 if ground is None or ground.flat else _BENDS)
             bar[:, axis] = value
-            canvas.line(pixels(camera.project(bar)), fill=_PALE, width=_SUPERSAMPLE)
+            canvas.line(pixels(camera.project(laid(bar, ground))), fill=_PALE, width=_SUPERSAMPLE)
     canvas.line(pixels(camera.project(line)), fill=style.GROUND, width=2 * _SUPERSAMPLE)
-    canvas.polygon(pixels(camera.project(shadow(pose))), fill=_PALE)
-    for step in prints:
-        canvas.polygon(pixels(camera.project(step.outline())), fill=style.SIDE_COLOURS[step.side])
+    canvas.polygon(pixels(camera.project(shadow(pose, ground))), fill=_PALE)
+    for side, outline in prints:
+        canvas.polygon(pixels(camera.project(outline)), fill=style.SIDE_COLOURS[side])
     for part in body.parts(pose, camera):
         canvas.polygon(pixels(part.outline), fill=FILL[part.side], outline=EDGE[part.side], width=_SUPERSAMPLE)
     return image.resize((width, height), Image.Resampling.BOX)

@@ -17,7 +17,9 @@ from hopdiff.editing.root_path import RootPath, steps_of
 from hopdiff.editing.targets import Constraint
 from hopdiff.plots import style
 from hopdiff.plots.ground import LONGEST, ground_points, map_axes, map_window, on_ground
+from hopdiff.plots.relief import draw_heights
 from hopdiff.plots.view import Array, numbers
+from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
 
 Mark = tuple[Constraint, tuple[Array, float | None]]  # a constraint, its place [m] and heading [rad]
@@ -62,6 +64,7 @@ def edit_figure(
     frame_time: float,
     curve: ArrayLike | None = None,
     title: str = "",
+    ground: Ground | None = None,
 ) -> Figure:
     """Both root paths from above, z up the page and x to its left, in equal scales; below, |delta| over time.
 
@@ -70,7 +73,7 @@ def edit_figure(
     rate; the legend tells the longest. Red ones stand out against a neighbour by more than 95 % of the source's do. A
     way that winds through its own ground has no room for bars: there, red is the path itself. A constraint is a cross,
     or a ring where only a heading is asked for, with an arrow along a wanted heading. curve: (L, 2) points [x, z] close
-    together on a drawn curve [m]. title: instead of ways and time.
+    together on a drawn curve [m]. title: instead of ways and time. ground: its heights are drawn where it is not flat.
     Raises HopdiffError for paths of fewer than 5 frames and constraints outside them.
     """
     _check(before, after, constraints)
@@ -90,6 +93,7 @@ def edit_figure(
     figure = style.new_figure(*size, title or _caption(before, after, frame_time))
     upper, lower = figure.subplots(2, 1, height_ratios=(scale * tall, _TIMELINE))
     map_axes(upper, low, high)
+    draw_heights(upper, ground, low, high)
 
     if len(curve_line):
         dashes = (0, (5, 3))

@@ -12,7 +12,9 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike
 
 from hopdiff.plots import style
+from hopdiff.plots.relief import laid
 from hopdiff.plots.view import Array, Camera
+from hopdiff.terrain.ground import Ground
 
 ELEVATION = math.radians(30.0)  # of oblique views
 WIDTH = 13.0  # inches of an oblique view
@@ -39,16 +41,23 @@ def ground_points(points: ArrayLike | None) -> Array:
     return np.stack((flat[:, 0], np.zeros(len(flat)), flat[:, 1]), axis=-1)
 
 
-def shadow(pose: Array) -> Array:
+def shadow(pose: Array, ground: Ground | None = None) -> Array:
     """A disc (K, 3) on the ground below the root of a pose: it tells standing from flying."""
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     disc = np.stack((np.cos(angle), np.zeros_like(angle), np.sin(angle)), axis=1)
-    return np.asarray(pose[0] * FLAT + _SHADOW * disc)
+    return laid(pose[0] * FLAT + _SHADOW * disc, ground)
 
 
-def draw_shadows(axes: Axes, camera: Camera, poses: Array, colour: str = "#DDE0E7", order: float = 1.5) -> None:
+def draw_shadows(
+    axes: Axes,
+    camera: Camera,
+    poses: Array,
+    colour: str = "#DDE0E7",
+    order: float = 1.5,
+    ground: Ground | None = None,
+) -> None:
     """The shadows of poses (K, N, 3) whose first point is the root."""
-    outlines = [camera.project(shadow(pose))[:, :2] for pose in poses]
+    outlines = [camera.project(shadow(pose, ground))[:, :2] for pose in poses]
     axes.add_collection(PolyCollection(outlines, facecolors=colour, linewidths=0, zorder=order), autolim=False)
 
 

@@ -24,8 +24,10 @@ from hopdiff.plots.ground import (
     oblique_page,
 )
 from hopdiff.plots.poses import sample
+from hopdiff.plots.relief import draw_heights, draw_relief, laid, relief_of
 from hopdiff.plots.scene import FOOT, Footprint, draw_seen, footprints, ground_track, side_camera
 from hopdiff.plots.view import Array, Camera
+from hopdiff.terrain.ground import Ground
 
 _SHORTEST_PRINT = 0.11  # inches
 _MOST = 48  # figures in an oblique view, unless told
@@ -34,27 +36,30 @@ _COM = style.SERIES[2]  # as in the other pictures
 _WANTED = style.SERIES[6]
 
 
-def path_figure(motion: Motion, points: ArrayLike, curve: ArrayLike | None = None, title: str = "") -> Figure:
+def path_figure(
+    motion: Motion, points: ArrayLike, curve: ArrayLike | None = None, title: str = "", ground: Ground | None = None
+) -> Figure:
     """The run from above, z up the page and x to its left, as the runner sees left and right; equal scales.
 
     points: (K, 2) the user's points [x, z] in metres. curve: (L, 2) points close together on the path through them,
     which the feet follow while the hips lean into the turns. title: instead of distance, time and speed; the distance
-    is that of the curve, or of the hips without one.
+    is that of the curve, or of the hips without one. ground: its heights are drawn where it is not flat.
     """
     path = ground_points(curve)
     crosses = np.asarray(points, dtype=float).reshape(-1, 2)
     root = motion.clip.root_position.detach().cpu().double().numpy()
     com = motion.com.detach().cpu().double().numpy()
     prints = footprints(motion)
-    ground = np.concatenate(
+    drawn = np.concatenate(
         [crosses, path[:, [0, 2]], root[:, [0, 2]], com[:, [0, 2]], *(step.place[None, [0, 2]] for step in prints)]
     )
-    low, high = map_window(ground)
+    low, high = map_window(drawn)
     wide, tall = high - low
     scale = LONGEST / max(wide, tall)  # inches in a metre
     figure = style.new_figure(max(5.5, scale * wide + 1.2), scale * tall + 1.8, title or _caption(motion, path))
     axes = figure.add_subplot()
     map_axes(axes, low, high)
+    draw_heights(axes, ground, low, high)
 
     if len(path):
         axes.plot(path[:, 0], path[:, 2], color=_WANTED, linewidth=1.0, linestyle=(0, (5, 3)), zorder=2.5, label="path")
@@ -73,12 +78,19 @@ def path_figure(motion: Motion, points: ArrayLike, curve: ArrayLike | None = Non
     return figure
 
 
-def oblique_figure(motion: Motion, count: int | None = None, curve: ArrayLike | None = None, title: str = "") -> Figure:
+def oblique_figure(
+    motion: Motion,
+    count: int | None = None,
+    curve: ArrayLike | None = None,
+    title: str = "",
+    ground: Ground | None = None,
+) -> Figure:
     """Figures of the runner along the path, seen obliquely from above, the far ones behind the near ones.
 
     count: of figures, at even times; without it one in the middle of every stance and flight, or of every third,
     fifth, ... of them where they would stand in each other's way. curve: (L, 2) points [x, z] close together on the
-    path, drawn on the ground instead of the track of the hips [m]. title: instead of distance, time and speed.
+    path, drawn on the ground instead of the track of the hips [m]. title: instead of distance, time and speed. ground:
+    what the runner stands on, drawn along the way where it is not flat.
     """
     camera = side_camera(motion, ELEVATION)
     body = Body(motion.clip.skeleton)
@@ -90,11 +102,14 @@ def oblique_figure(motion: Motion, count: int | None = None, curve: ArrayLike | 
     path = ground_points(curve)
     track = path if len(path) else ground_track(motion)[0]
     flat = (poses * FLAT).reshape(-1, 3)
-    ground = np.concatenate([flat, track, *(step.outline() for step in prints)])[:, [0, 2]]
-    figure, axes, scale = oblique_page(camera, poses, ground, title or _caption(motion, path))
-    axes.plot(*camera.project(track)[:, :2].T, color=style.GROUND, linewidth=1.6, zorder=2)
-    _prints(axes, camera, prints, _larger(scale))
-    draw_shadows(axes, camera, poses)
+    sheet = np.concatenate([flat, track, *(step.outline() for step in prints)])[:, [0, 2]]
+    pieces = relief_of(ground, track)
+    seen = np.concatenate((poses.reshape(-1, 3), pieces.reshape(-1, 3)))
+    figure, axes, scale = oblique_page(camera, seen, sheet, title or _caption(motion, path))
+    draw_relief(axes, camera, pieces)
+    axes.plot(*camera.project(laid(track, ground))[:, :2].T, color=style.GROUND, linewidth=1.6, zorder=2)
+    _prints(axes, camera, [laid(step.outline(_larger(scale)), ground) for step in prints], prints)
+    draw_shadows(axes, camera, poses, ground=ground)
     for order, pose in enumerate(poses[np.argsort(camera.nearness(poses[:, 0]))]):
         draw_seen(axes, body, pose, camera, order=3 + 0.01 * order)
     return figure
@@ -137,7 +152,8 @@ def _moments(motion: Motion, points: Array) -> Array:
     return middles[:: math.ceil(len(middles) / most) | 1]
 
 
-def _prints(axes: Axes, camera: Camera, prints: list[Footprint], larger: float) -> None:
-    outlines = [camera.project(step.outline(larger))[:, :2] for step in prints]
+def _prints(axes: Axes, camera: Camera, outlines: list[Array], prints: list[Footprint]) -> None:
+    """Outlines (K, 3) of footprints where they lie on the ground."""
+    seen = [camera.project(outline)[:, :2] for outline in outlines]
     colours = [style.SIDE_COLOURS[step.side] for step in prints]
-    axes.add_collection(PolyCollection(outlines, facecolors=colours, linewidths=0, zorder=2.5), autolim=False)
+    axes.add_collection(PolyCollection(seen, facecolors=colours, linewidths=0, zorder=2.5), autolim=False)

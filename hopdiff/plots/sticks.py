@@ -17,7 +17,9 @@ from hopdiff.geometry.clip import Clip
 from hopdiff.plots import style
 from hopdiff.plots.ground import ELEVATION, FLAT, camera_beside, draw_shadows, ground_points, oblique_page
 from hopdiff.plots.joints import Bones, points_of
+from hopdiff.plots.relief import draw_relief, laid, relief_of
 from hopdiff.plots.view import Array, Camera, numbers
+from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
 
 Frames = NDArray[np.int64]
@@ -52,13 +54,14 @@ def sticks_figure(
     count: int | None = None,
     curve: ArrayLike | None = None,
     title: str = "",
+    ground: Ground | None = None,
 ) -> Figure:
     """Stick figures at even times, left limbs blue, right ones orange; near ones cover far ones.
 
     sides: "left", "right" or "middle" for each joint; None guesses them, see `Bones`. before: the clip before an edit,
     drawn pale behind, at the same times, or only its track where the way winds through its own ground. count: of
     figures; without it, as many as have room. curve: (L, 2) points [x, z] close together on a drawn curve [m].
-    title: instead of way and time.
+    title: instead of way and time. ground: what the figures stand on, drawn along their way where it is not flat.
     Raises HopdiffError for a count below 1 and for sides that do not fit the joints.
     """
     if count is not None and count < 1:
@@ -79,25 +82,32 @@ def sticks_figure(
         same = np.round(frames / max(clip.frames - 1, 1) * (before.frames - 1)).astype(np.int64)
         layers.insert(0, (_at(before, same), ways[1], True))
     posed = [points_of(some) for some, _, _ in layers]
-    line = ground_points(curve)
+    line = laid(ground_points(curve), ground)
+    pieces = relief_of(ground, track)
     everything = np.concatenate([(pose * FLAT).reshape(-1, 3) for pose in posed] + [way for _, way, _ in layers])
     tall = _height(posed[-1])
     reach = [points.reshape(-1, 3) + _HEAD * tall * np.array([0.0, 1.0, 0.0]) for points in posed]
-    ground = np.concatenate((everything, line))[:, [0, 2]]
-    figure, axes, scale = oblique_page(camera, np.concatenate(reach), ground, title or _caption(clip, track, frames))
+    sheet = np.concatenate((everything, line))[:, [0, 2]]
+    seen = np.concatenate((*reach, pieces.reshape(-1, 3)))
+    figure, axes, scale = oblique_page(camera, seen, sheet, title or _caption(clip, track, frames))
+    draw_relief(axes, camera, pieces)
     _legend(figure, before is not None)
     if len(line):
         axes.plot(*camera.project(line)[:, :2].T, color=_WANTED, linewidth=1.2, linestyle=(0, (5, 3)), zorder=2.2)
     for (some, way, faded), points in zip(layers, posed, strict=True):
         colour = style.pale(style.GROUND, 0.55) if faded else style.GROUND
-        axes.plot(*camera.project(way)[:, :2].T, color=colour, linewidth=1.4, zorder=2.0 if faded else 2.1)
+        # What was before an edit went over flat ground.
+        below = None if faded else ground
+        drawn = camera.project(laid(way, below))[:, :2]
+        axes.plot(*drawn.T, color=colour, linewidth=1.4, zorder=2.0 if faded else 2.1)
         if faded and winding:
             continue
-        draw_shadows(axes, camera, points, "#EBEDF1" if faded else "#DDE0E7", 1.4 if faded else 1.5)
+        draw_shadows(axes, camera, points, "#EBEDF1" if faded else "#DDE0E7", 1.4 if faded else 1.5, below)
         bones = Bones(some.skeleton, sides)
         for order, number in enumerate(np.argsort(camera.nearness(points[:, 0]))):
             _draw_sticks(axes, bones, points[number], camera, scale, tall, faded, order)
-    _times(axes, camera, posed[-1], numbers(frames * clip.frame_time), scale)
+    feet = laid(posed[-1][:, 0], ground)
+    _times(axes, camera, feet, numbers(frames * clip.frame_time), scale)
     return figure
 
 
@@ -177,12 +187,12 @@ def _draw_sticks(
         axes.add_artist(disc)
 
 
-def _times(axes: Axes, camera: Camera, poses: Array, times: Array, scale: float) -> None:
-    """When a figure stands where it does, below its shadow; left out where it would lie on another."""
+def _times(axes: Axes, camera: Camera, feet: Array, times: Array, scale: float) -> None:
+    """When a figure stands at places (K, 3) on the ground, below its shadow; left out where it would lie on another."""
     shown: list[Array] = []
     digits = 2 if len(times) > 1 and times[1] - times[0] < _BRIEF else 1
-    orders = np.argsort(np.argsort(camera.nearness(poses[:, 0])))
-    places = camera.project(poses[:, 0] * FLAT)[:, :2]
+    orders = np.argsort(np.argsort(camera.nearness(feet)))
+    places = camera.project(feet)[:, :2]
     outline = [withStroke(linewidth=2.0, foreground="#FFFFFF")]
     for place, time, order in zip(places, times, orders, strict=True):
         if all(scale * np.hypot(*(place - other)) > _LABEL_ROOM for other in shown):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hopdiff.grounds import build_ground
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.run_folder import Note, RunFolder
 from hopdiff.job import make_run
@@ -15,17 +16,20 @@ from hopdiff.tasks.edit_request import EditSettings, Request, TargetSettings, re
 from hopdiff.tasks.edit_results import edit_summary, write_edit
 from hopdiff.tasks.route import CurveSettings
 from hopdiff.tasks.run import searched
+from hopdiff.terrain.ground import Ground
 
 
 @dataclass
 class EditTask:
-    """clip: a BVH file; None makes a run of our own. target, constraints, or path: where it shall go. edit: how."""
+    """clip: a BVH file; None makes a run of our own. target, constraints, or path: where it shall go. edit: how.
+    ground: what feet stand on, see `hopdiff.grounds`."""
 
     clip: str | None
     target: TargetSettings
     constraints: list[Any]
     edit: EditSettings
     path: CurveSettings
+    ground: dict[str, Any]
 
 
 def build(call: Call) -> Work:
@@ -36,11 +40,12 @@ def build(call: Call) -> Work:
     own = call.own
     own.edit.check()
     request = request_of(own.target, own.constraints, own.path)
+    ground = build_ground(own.ground)
     if own.clip is not None:
         file = read_bvh(own.clip, own.edit.unit, own.edit.up)
         source = source_of(file.clip(), Path(own.clip).name, own.edit, request, file)
         done = edit(source, request, own.edit)
-        return lambda folder: write(folder, done, request, call)
+        return lambda folder: write(folder, done, request, call, ground)
     job = call.job()
 
     def work(folder: RunFolder) -> None:
@@ -49,15 +54,15 @@ def build(call: Call) -> Work:
         folder.interrupted = run.interrupted
         name = f"run_v{run.metrics['speed']:g}_beta{run.metrics['beta']:g}"
         made = source_of(run.clip, name, own.edit, request, None)
-        write(folder, edit(made, request, own.edit), request, call)
+        write(folder, edit(made, request, own.edit), request, call, ground)
 
     return work
 
 
-def write(folder: RunFolder, done: Edit, request: Request, call: Call) -> None:
+def write(folder: RunFolder, done: Edit, request: Request, call: Call, ground: Ground) -> None:
     """Write and describe an edit. Raises HopdiffError if a file cannot be written."""
     folder.notes = [Note("edit", warning) for warning in done.warnings]
-    write_edit(folder.path, done, request, call.plain)
+    write_edit(folder.path, done, request, call.plain, ground)
     say(edit_summary(folder.path, done))
 
 

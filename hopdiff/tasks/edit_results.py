@@ -20,13 +20,14 @@ from hopdiff.plots.sticks import sticks_figure
 from hopdiff.tasks.edit_job import Edit
 from hopdiff.tasks.edit_request import Request
 from hopdiff.tasks.results import Figures, shown, write_pictures
+from hopdiff.terrain.ground import Ground
 
 CURVE_SPACING = 0.02  # m between the points of a drawn curve
 FEWEST_DRAWN = 5  # frames of a path that is drawn: fewer have no style to show
 
 
-def write_edit(folder: Path, edit: Edit, request: Request, settings: Mapping[str, Any]) -> None:
-    """Write everything an edit leaves behind. settings: the whole configuration as plain data.
+def write_edit(folder: Path, edit: Edit, request: Request, settings: Mapping[str, Any], ground: Ground) -> None:
+    """Write everything an edit leaves behind. settings: the whole configuration as plain data. ground: to be drawn.
 
     Raises HopdiffError if a file cannot be written, or the motion does not fit the channels of its file.
     """
@@ -36,22 +37,24 @@ def write_edit(folder: Path, edit: Edit, request: Request, settings: Mapping[str
     else:
         source.file.with_motion(edit.clip).write(folder / "edited.bvh")
     write_json(folder / "metrics.json", edit.metrics)
-    pictures = write_pictures(folder, edit_figures(edit, request)) if settings["pictures"] else {}
+    pictures = write_pictures(folder, edit_figures(edit, request, ground)) if settings["pictures"] else {}
     numbers = {name: float(value) for name, value in edit.metrics.items() if isinstance(value, float)}
     write_events(folder, results=numbers, pictures=pictures)
 
 
-def edit_figures(edit: Edit, request: Request) -> Figures:
+def edit_figures(edit: Edit, request: Request, ground: Ground) -> Figures:
     source = edit.source
     clip = source.clip
     curve = None
     if request.curve is not None:
         count = max(2, round(request.curve.length / CURVE_SPACING))
         curve = request.curve.position(torch.linspace(0.0, request.curve.length, count, dtype=torch.float64)).numpy()
-    figures: Figures = {"strip": lambda: sticks_figure(edit.clip, before=clip, curve=curve)}
+    figures: Figures = {"strip": lambda: sticks_figure(edit.clip, before=clip, curve=curve, ground=ground)}
     if clip.frames >= FEWEST_DRAWN:
         path = edit.solved.path
-        figures["path"] = lambda: edit_figure(source.path, path, edit.constraints, clip.frame_time, curve)
+        figures["path"] = lambda: edit_figure(
+            source.path, path, edit.constraints, clip.frame_time, curve, ground=ground
+        )
     if source.contacts is not None:
         contacts = source.contacts
         stages = {"source": clip, "edited": edit.moved, "cleaned": edit.clip}

@@ -18,6 +18,7 @@ from hopdiff.graph.scene import Place, Scene
 from hopdiff.graph.scene_file import read_scene
 from hopdiff.graph.settings import WaySettings
 from hopdiff.graph.way import Way, find_way
+from hopdiff.grounds import build_ground
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.events import write_events
 from hopdiff.io.record import write_json
@@ -41,7 +42,8 @@ class GraphSettings:
 @dataclass
 class NavigateTask:
     """clips: BVH files of one skeleton. scene: a name or a YAML file. start, goal: a place of the scene by name, or
-    [x, z, heading in degrees]. way, graph: how the way is looked for, and among which motions."""
+    [x, z, heading in degrees]. way, graph: how the way is looked for, and among which motions. ground: what feet stand
+    on, see `hopdiff.grounds`."""
 
     clips: list[str]
     scene: str
@@ -49,6 +51,7 @@ class NavigateTask:
     goal: Any
     way: WaySettings
     graph: GraphSettings
+    ground: dict[str, Any]
 
 
 def scene_file(name: str, scenes: Path) -> Path:
@@ -72,6 +75,7 @@ def build(call: Call) -> Work:
         raise HopdiffError("task=navigate needs clips=[FILE,...], BVH files of one skeleton to walk with.")
     own.way.check()
     scene = read_scene(scene_file(own.scene, config_folder() / "scenes"))
+    ground = build_ground(own.ground)
     start, goal = (place_of(what, one, scene) for what, one in (("start", own.start), ("goal", own.goal)))
     files = [read_bvh(name) for name in own.clips]
     begun = time.perf_counter()
@@ -99,7 +103,7 @@ def build(call: Call) -> Work:
             half = own.way.half_width
             figures = {
                 "rooms": lambda: rooms_figure(scene, way.graph_path, way.path, start, goal, half, way.waypoints),
-                "strip": lambda: sticks_figure(walk.clip),
+                "strip": lambda: sticks_figure(walk.clip, ground=ground),
             }
             pictures = write_pictures(folder.path, figures)
         final = {name: value for name, value in numbers.items() if isinstance(value, float)}

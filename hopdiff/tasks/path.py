@@ -17,6 +17,7 @@ from hopdiff.character import Character
 from hopdiff.config import Config, build_job
 from hopdiff.effort.metrics import MEASURING_FPS, standing_feet
 from hopdiff.effort.problem import BodyProblem
+from hopdiff.grounds import build_ground
 from hopdiff.io.record import write_table
 from hopdiff.io.run_folder import Note, RunFolder
 from hopdiff.job import Job, Run, make_run
@@ -44,6 +45,7 @@ from hopdiff.tasks.results import (
 )
 from hopdiff.tasks.route import PathSettings, Route, plan
 from hopdiff.tasks.run import searched
+from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.course import Course
 
@@ -57,9 +59,10 @@ CADENCES = 201  # stride times looked up between the shortest and the longest
 
 @dataclass
 class PathTask:
-    """See `PathSettings`."""
+    """path: see `PathSettings`. ground: what feet stand on, see `hopdiff.grounds`."""
 
     path: PathSettings
+    ground: dict[str, Any]
 
 
 def route_of(settings: Config, asked: PathTask) -> Route:
@@ -75,7 +78,7 @@ def build(call: Call) -> Work:
         raise HopdiffError("speed cannot be set with task=path: path.time and the length of the path give it.")
     if "path.points" in words and "path.file" in words:
         raise HopdiffError("path.points and path.file are both set: give the path by one of them.")
-    route = route_of(call.settings, call.own)
+    ground, route = build_ground(call.own.ground), route_of(call.settings, call.own)
     OmegaConf.update(call.config, "speed", route.speed)
     job = build_job(call.config, settings=replace(call.settings, speed=route.speed))
     if (cadence := cadence_gene(job.problem)) in job.settings["genes"]["fixed"]:
@@ -89,7 +92,7 @@ def build(call: Call) -> Work:
         write_found(folder.path, job, result)
         run = path_run(job, route, result)
         folder.interrupted, folder.notes = run.interrupted, notes_of(run)
-        write_path_run(folder.path, job, route, run, folder.command)
+        write_path_run(folder.path, job, route, run, folder.command, ground)
         say(path_summary(folder.path, run, folder.notes))
 
     return work
@@ -198,8 +201,13 @@ def path_metrics(route: Route, motion: Motion, strides: int) -> dict[str, Any]:
     return found
 
 
-def write_path_run(folder: Path, job: Job, route: Route, run: Run, command: Sequence[str]) -> None:
-    """Write everything a run along a path leaves behind. Raises HopdiffError if a file cannot be written."""
+def write_path_run(
+    folder: Path, job: Job, route: Route, run: Run, command: Sequence[str], ground: Ground | None = None
+) -> None:
+    """Write everything a run along a path leaves behind. ground: to be drawn, if it is not flat.
+
+    Raises HopdiffError if a file cannot be written.
+    """
     motion = run.motion
     write_numbers(folder, job, run)
     write_motion(folder, run)
@@ -210,13 +218,13 @@ def write_path_run(folder: Path, job: Job, route: Route, run: Run, command: Sequ
     pictures = {}
     if job.settings["pictures"]:
         figures: Figures = {
-            "path": lambda: path_figure(motion, route.points, point),
-            "along": lambda: oblique_figure(motion, curve=point),
+            "path": lambda: path_figure(motion, route.points, point, ground=ground),
+            "along": lambda: oblique_figure(motion, curve=point, ground=ground),
         }
         pictures = write_pictures(folder, figures | search_figures(run))
         first, second = caption(run)
         way = f"{route.curve.length:.1f} m in {route.time:g} s: {first}"
-        write_moving(folder, job, path_film(motion, point, (way, second)))
+        write_moving(folder, job, path_film(motion, point, (way, second), ground))
     write_run_events(folder, run, command, pictures)
 
 

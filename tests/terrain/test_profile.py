@@ -33,6 +33,12 @@ def test_a_slope_without_length_never_ends_and_a_negative_angle_goes_down() -> N
     assert float(ground.height(torch.tensor([7.0, 1000.0]))) == pytest.approx(-1000.0 * math.tan(math.radians(5.0)))
 
 
+def test_the_height_over_a_place_looks_back_too() -> None:
+    down = slope(math.radians(-20.0), 0.0, (0.0, 0.0))
+    over = down.height_over(along(down, [-1.0, 0.1, 1.0]), 0.5)
+    assert over.tolist() == pytest.approx([0.0, 0.0, -0.5 * math.tan(math.radians(20.0))])
+
+
 def test_stairs_have_their_treads() -> None:
     ground = stairs(0.17, 0.29, math.radians(90.0), (0.0, 1.0), 3)
     x = torch.tensor([-0.01, 0.01, 0.28, 0.30, 0.57, 0.59, 5.0]).double()
