@@ -41,7 +41,9 @@ def read_bvh(path: str | os.PathLike[str], unit: float | str | None = None, up: 
     axis = axis or guess_up(parsed.joints, values)
     metres = metres or guess_unit(parsed.joints, values, axis)
     decimals = (parsed.decimals, parsed.offset_decimals)
-    file = BvhFile(parsed.joints, values, parsed.frame_time, *decimals, metres, axis, parsed.encoding)
+    file = BvhFile(
+        parsed.joints, values, parsed.frame_time, *decimals, metres, axis, parsed.encoding, notes=parsed.notes
+    )
     return with_carrier(file)
 
 

@@ -20,7 +20,10 @@ BLOCK_WORDS = ("{", "}", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "HIERARCH
 
 @dataclass(frozen=True)
 class Parsed:
-    """What a file says, units and axes left open. values: (T, C) in the file's units and degrees."""
+    """What a file says, units and axes left open.
+
+    values: (T, C) in the file's units and degrees. notes: for the user, on what was mended.
+    """
 
     joints: tuple[BvhJoint, ...]
     values: Array
@@ -28,6 +31,7 @@ class Parsed:
     decimals: int
     offset_decimals: int
     encoding: str
+    notes: tuple[str, ...]
 
 
 @dataclass
@@ -69,8 +73,8 @@ def parse_bvh(data: bytes, where: str) -> Parsed:
     joints = parser.joints(line)
     frames, said, frame_time, start, line = _motion_head(data, motion.end(), line, where)
     channels = sum(len(joint.channels) for joint in joints)
-    values, decimals = read_rows(data[start:], line, frames, said, channels, where)
-    return Parsed(joints, values, frame_time, decimals, parser.decimals, encoding)
+    values, decimals, notes = read_rows(data[start:], line, frames, said, channels, where)
+    return Parsed(joints, values, frame_time, decimals, parser.decimals, encoding, notes)
 
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
@@ -130,7 +134,7 @@ class _Hierarchy:
             match word.upper():
                 case "ROOT" | "JOINT":
                     self._begin(word.upper())
-                case "END":
+                case "END" | "ENDSITE":
                     self._begin_end()
                 case "{":
                     self._open_block()
