@@ -29,8 +29,9 @@ EULER_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 def read_bvh(path: str | os.PathLike[str], unit: float | str | None = None, up: str | None = None) -> BvhFile:
     """Read a BVH file.
 
-    unit: metres in a file unit, or m, cm, mm, inch or cmu (0.0254 / 0.45 m); None guesses it from the height of the
-    hips. up: "y" or "z"; None guesses it from where head and feet are.
+    unit: metres in a file unit, or m, cm, mm, inch or cmu (0.0254 / 0.45 m); None guesses it from the length of
+    the legs. up: "y" or "z"; None guesses it from where head, feet and ground are. The file's notes
+    tell what was mended, and where joint 0 of the clip is not the root.
     Raises HopdiffError, naming file and line, for a file that is not a whole, sensible BVH file with one skeleton, and
     for a unit or axis that there is not.
     """
@@ -41,10 +42,9 @@ def read_bvh(path: str | os.PathLike[str], unit: float | str | None = None, up: 
     axis = axis or guess_up(parsed.joints, values)
     metres = metres or guess_unit(parsed.joints, values, axis)
     decimals = (parsed.decimals, parsed.offset_decimals)
-    file = BvhFile(
-        parsed.joints, values, parsed.frame_time, *decimals, metres, axis, parsed.encoding, notes=parsed.notes
-    )
-    return with_carrier(file)
+    file = BvhFile(parsed.joints, values, parsed.frame_time, *decimals, metres, axis, parsed.encoding)
+    layout = None if parsed.layout is None else (parsed.joints, parsed.layout)
+    return with_carrier(replace(file, notes=parsed.notes, layout=layout))
 
 
 def with_carrier(file: BvhFile) -> BvhFile:

@@ -14,6 +14,7 @@ from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.bvh_carrier import above_of, below_of, carried, give_back, movers, raises
 from hopdiff.io.bvh_channels import BvhJoint, encode, offsets_of, rotations_of
+from hopdiff.io.bvh_layout import Layout
 from hopdiff.io.bvh_numbers import exact, written
 from hopdiff.io.files import write_whole
 from hopdiff.types import HopdiffError
@@ -35,7 +36,7 @@ class BvhFile:
     written with. unit: metres in a file unit. up: the file's axis that points up, "y" or "z". encoding: of the text.
     carrier: the joint that carries the body over the ground, which is joint 0 of the clip. What it hangs on is part of
     its way there; what else hangs on that has no part in the clip, and stays as it is.
-    notes: sentences for the user on what was read other than it is written.
+    notes: sentences for the user on what was read other than it is written. layout: how these joints are written.
     """
 
     joints: tuple[BvhJoint, ...]
@@ -48,6 +49,7 @@ class BvhFile:
     encoding: str = "utf-8"
     carrier: int = 0
     notes: tuple[str, ...] = ()
+    layout: tuple[tuple[BvhJoint, ...], Layout] | None = None
 
     @property
     def frames(self) -> int:
@@ -155,8 +157,12 @@ class BvhFile:
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the file, whole or not at all; reading it gives the same numbers.
 
-        Raises HopdiffError if it cannot be written.
+        What was read is written as it stood there: all above the numbers but how many frames there are, and frames that
+        have not changed. Raises HopdiffError if it cannot be written.
         """
+        if self.layout is not None and self.layout[0] == self.joints:
+            write_whole(path, self.layout[1].text(self.values.numpy(), self.frame_time, self.decimals))
+            return
         lines = [*self._hierarchy(), "MOTION", f"Frames: {self.frames}", f"Frame Time: {exact(self.frame_time, 0)}"]
         lines += written(self.values.numpy(), self.decimals)
         write_whole(path, ("\n".join(lines) + "\n").encode(self.encoding))

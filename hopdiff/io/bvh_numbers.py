@@ -26,6 +26,17 @@ PIECE = re.compile(rb"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?(?=[+-]|$)")
 
 
 @dataclass(frozen=True)
+class Table:
+    """Rows of numbers (T, C) and the most decimals that one of them is written with. notes: for the user, on what was
+    mended. mended: whether numbers were."""
+
+    values: Array
+    decimals: int
+    notes: tuple[str, ...]
+    mended: bool
+
+
+@dataclass(frozen=True)
 class Rows:
     """Numbers in a row, the lines that hold any, how many each of these holds, the most decimals, and for the user what
     was mended."""
@@ -37,17 +48,14 @@ class Rows:
     notes: tuple[str, ...] = ()
 
 
-def read_rows(
-    text: bytes, line: int, frames: int, said: int, channels: int, where: str
-) -> tuple[Array, int, tuple[str, ...]]:
+def read_rows(text: bytes, line: int, frames: int, said: int, channels: int, where: str) -> Table:
     """All numbers below the head of a motion.
 
     text: what follows the line of the frame time, lines ended by newlines. line: number of its first line. frames:
     how many rows there shall be, as line `said` has it. channels: how many numbers in a row. where: the file's name,
     for errors. A frame may be spread over several lines, or several frames stand on one.
     One frame more or less than said is read as it is there, and two numbers without a blank between them as two where
-    the frame lacks one. Returns (frames, channels) numbers, the most decimals that one of them is written with, and
-    sentences for the user on what was mended. Raises HopdiffError, naming the line, for anything else.
+    the frame lacks one. Raises HopdiffError, naming the line, for anything else.
     """
     rows = _fast(text, line)
     if rows is None or not (np.abs(rows.numbers) <= LARGEST).all():
@@ -60,7 +68,7 @@ def read_rows(
                 *notes,
                 f"line {said} says that there are {plural(frames, 'frame')}, but {found} were found and read.",
             )
-        return rows.numbers.reshape(found, channels), rows.decimals, notes
+        return Table(rows.numbers.reshape(found, channels), rows.decimals, notes, bool(rows.notes))
     if (odd := np.flatnonzero(rows.counts != channels)).size:
         at, count = rows.lines[odd[0]], rows.counts[odd[0]]
         raise HopdiffError(f"{where}, line {at}: {count} numbers stand here, but a frame has {channels}.")
