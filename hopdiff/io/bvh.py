@@ -49,8 +49,7 @@ def read_bvh(path: str | os.PathLike[str], unit: float | str | None = None, up: 
 
 def with_carrier(file: BvhFile) -> BvhFile:
     """The file with the joint that carries its body found, and a note for the user if that is not the root."""
-    offsets, rotations = file.moving()
-    carrier = carrier_of(file.joints, file.whole_skeleton(), offsets, rotations)
+    carrier = carrier_of(file.joints, file.whole_skeleton(), file.moving)
     if not carrier:
         return file
     found = replace(file, carrier=carrier)

@@ -7,7 +7,7 @@ body is that of its hips.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
@@ -24,19 +24,22 @@ UPRIGHT = 0.1  # of a thigh's length, for a difference that is one
 SWAY = 1e-3  # m by which hips move over a root that carries them by design
 
 
-def carrier_of(joints: Sequence[BvhJoint], skeleton: Skeleton, offsets: Tensor, rotations: Tensor) -> int:
+def carrier_of(
+    joints: Sequence[BvhJoint], skeleton: Skeleton, moving: Callable[[Sequence[int]], tuple[Tensor, Tensor]]
+) -> int:
     """The joint whose way over the ground and whose heading are the body's: the root, or one between it and the hips.
 
-    It is the first that goes as far as the hips do and turns, if they turn. skeleton: of all joints [m]. offsets (T, J,
-    3), rotations (T, J, 3, 3): of each in its parent's frame [m], y up.
+    It is the first that goes as far as the hips do and turns, if they turn. skeleton: of all joints [m]. moving: of
+    joints, places (T, K, 3) [m] and rotations (T, K, 3, 3) in their parents' frames, y up.
     """
     chain = _to_the_hips(joints, skeleton)
     if len(chain) < 2 or not any(joints[joint].places for joint in chain):
         return 0
-    places, turns = _along(chain, offsets, rotations)
+    offsets, rotations = moving(chain)
+    places, turns = _along(offsets, rotations)
     extent = _extent(places)
     turned = _turned(turns)
-    alone = _extent(offsets[:, chain]) > SWAY
+    alone = _extent(offsets) > SWAY
     for k, joint in enumerate(chain[:-1]):
         goes = bool(extent[k] >= SHARE * extent[-1]) and any(joints[above].places for above in chain[: k + 1])
         can_turn = any(joints[above].turns for above in chain[: k + 1])
@@ -64,9 +67,9 @@ def below_of(joints: Sequence[BvhJoint], joint: int) -> list[int]:
     return sorted(inside)
 
 
-def carried(chain: Sequence[int], offsets: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:
-    """World place (T, 3) and orientation (T, 3, 3) of the last joint of a chain that begins at the root."""
-    places, turns = _along(chain, offsets, rotations)
+def carried(offsets: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:
+    """World place (T, 3) and orientation (T, 3, 3) of the last joint of a chain (T, K, ...) that begins at the root."""
+    places, turns = _along(offsets, rotations)
     return places[:, -1], turns[:, -1]
 
 
@@ -78,7 +81,7 @@ def raises(skeleton: Skeleton, turn: Tensor) -> bool:
 
 def give_back(
     joints: Sequence[BvhJoint],
-    chain: Sequence[int],
+    chain: list[int],
     offsets: Tensor,
     rotations: Tensor,
     place: Tensor,
@@ -93,11 +96,11 @@ def give_back(
     """
     able = [k for k, joint in enumerate(chain) if len(set(joints[joint].order)) == 3]
     turning = able[-1] if able else max(range(len(chain)), key=lambda k: (len(joints[chain[k]].turns), k))
-    _, turns = _along(chain, offsets, rotations)
+    _, turns = _along(offsets[:, chain], rotations[:, chain])
     above = turns[:, turning - 1] if turning else torch.eye(3, dtype=turns.dtype).expand_as(turn)
     below = turns[:, turning].transpose(-1, -2) @ turns[:, -1]
     rotations[:, chain[turning]] = above.transpose(-1, -2) @ turn @ below.transpose(-1, -2)
-    places, turns = _along(chain, offsets, rotations)
+    places, turns = _along(offsets[:, chain], rotations[:, chain])
     missing = place - places[:, -1]
     for joint in moved_by:
         k = chain.index(joint)
@@ -137,12 +140,12 @@ def _to_the_hips(joints: Sequence[BvhJoint], skeleton: Skeleton) -> list[int]:
     return chain
 
 
-def _along(chain: Sequence[int], offsets: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:
+def _along(offsets: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:
     """World places (T, K, 3) and orientations (T, K, 3, 3) of a chain that begins at the root."""
-    places, turns = [offsets[:, chain[0]]], [rotations[:, chain[0]]]
-    for joint in chain[1:]:
-        places.append(places[-1] + (turns[-1] @ offsets[:, joint, :, None])[..., 0])
-        turns.append(turns[-1] @ rotations[:, joint])
+    places, turns = [offsets[:, 0]], [rotations[:, 0]]
+    for k in range(1, offsets.shape[1]):
+        places.append(places[-1] + (turns[-1] @ offsets[:, k, :, None])[..., 0])
+        turns.append(turns[-1] @ rotations[:, k])
     return torch.stack(places, dim=1), torch.stack(turns, dim=1)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +14,7 @@ from torch import Tensor
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.bvh_carrier import above_of, below_of, carried, give_back, movers, raises
-from hopdiff.io.bvh_channels import BvhJoint, encode, offsets_of, rotations_of
+from hopdiff.io.bvh_channels import BvhJoint, columns, encode, offsets_of, rotations_of
 from hopdiff.io.bvh_layout import Layout
 from hopdiff.io.bvh_numbers import exact, written
 from hopdiff.io.files import write_whole
@@ -93,15 +94,20 @@ class BvhFile:
         parents = (-1, *(kept.index(whole.parents[joint]) for joint in kept[1:]))
         return Skeleton(names, parents, offsets, {n: basis @ end for n, end in whole.end_sites.items() if n in names})
 
-    def moving(self) -> tuple[Tensor, Tensor]:
-        """Places (T, J, 3) [m] and rotations (T, J, 3, 3) of all joints of the file in their parents' frames, y up.
+    def moving(self, some: Sequence[int] | None = None) -> tuple[Tensor, Tensor]:
+        """Places (T, K, 3) [m] and rotations (T, K, 3, 3) of joints in their parents' frames, y up. some: all if None.
 
         Position channels take the place of OFFSET, they are not added to it.
         """
-        rotations = rotations_of(self.joints, self.values)
+        joints, values = self.joints, self.values
+        if some is not None:
+            first = columns(joints)
+            values = values[:, [column for joint in some for column in range(first[joint], first[joint + 1])]]
+            joints = tuple(joints[joint] for joint in some)
+        rotations = rotations_of(joints, values)
         if self.up != "y":
             rotations = self._axes() @ rotations @ self._axes().T
-        return self._metres(offsets_of(self.joints, self.values)), rotations
+        return self._metres(offsets_of(joints, values)), rotations
 
     def clip(self) -> Clip:
         """The motion in metres, y up, of the carrier and the joints below it."""
@@ -112,7 +118,8 @@ class BvhFile:
             return Clip(self.skeleton(), offsets[:, 0].clone(), rotations, self.frame_time, offsets if moving else None)
         # Frames of joints are turned such that the body stands at rest if it stands at rest in the file's first frame.
         _, basis = self._held
-        place, turn = carried(above_of(self.joints, self.carrier), offsets, rotations)
+        chain = above_of(self.joints, self.carrier)
+        place, turn = carried(offsets[:, chain], rotations[:, chain])
         own = torch.cat(((turn @ basis.T)[:, None], basis @ rotations[:, kept[1:]] @ basis.T), dim=1)
         return Clip(self.skeleton(), place, own, self.frame_time, offsets[:, kept] @ basis.T if moving else None)
 
@@ -178,13 +185,13 @@ class BvhFile:
 
         Both by the first frame's turn of what it hangs on, which the body may need to stand, or its hips take back.
         """
-        first = replace(self, values=self.values[:1])
-        places, turns = first.moving()
         chain = above_of(self.joints, self.carrier)
-        places[:, self.carrier] = self.whole_skeleton().offsets[self.carrier]
-        place, _ = carried(chain, places, turns)
-        basis = carried(chain[:-1], places, turns)[1][0]
-        return place[0], basis if raises(self.whole_skeleton(), basis) else torch.eye(3, dtype=torch.float64)
+        places, turns = replace(self, values=self.values[:1]).moving(chain)
+        whole = self.whole_skeleton()
+        places[:, -1] = whole.offsets[self.carrier]
+        place, _ = carried(places, turns)
+        _, basis = carried(places[:, :-1], turns[:, :-1])
+        return place[0], basis[0] if raises(whole, basis[0]) else torch.eye(3, dtype=torch.float64)
 
     def _axes(self) -> Tensor:
         return torch.tensor(AXES[self.up], dtype=torch.float64)
