@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor
 
-from hopdiff.editing.leg_joints import facing, find_legs
+from hopdiff.editing.leg_joints import facing
+from hopdiff.geometry.body_parts import legs_of
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.bvh_channels import BvhJoint
 
@@ -75,7 +76,7 @@ def carried(offsets: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:
 
 def raises(skeleton: Skeleton, turn: Tensor) -> bool:
     """Whether legs hang down at rest (more) once the whole body is turned (3, 3)."""
-    thighs = [skeleton.offsets[leg.knee] for leg in find_legs(skeleton)]
+    thighs = [skeleton.offsets[leg.knee] for leg in legs_of(skeleton)]
     return bool(thighs) and bool((turn @ thighs[0])[1] < thighs[0][1] - UPRIGHT * thighs[0].norm())
 
 
@@ -128,7 +129,7 @@ def _to_the_hips(joints: Sequence[BvhJoint], skeleton: Skeleton) -> list[int]:
 
     Without legs it is the last with position channels before the skeleton branches.
     """
-    legs = find_legs(skeleton)
+    legs = legs_of(skeleton)
     if legs:
         shared = [joint for joint in skeleton.above(legs[0].hip) if joint in skeleton.above(legs[1].hip)]
         return [*reversed(skeleton.above(shared[0])), shared[0]] if shared else [0]
@@ -169,5 +170,5 @@ def _faces_aside(skeleton: Skeleton, leader: Tensor, hips: Tensor) -> bool:
     """Whether the body faces elsewhere than its leader (T, 3, 3) does in any frame."""
     turn = leader.transpose(-1, -2) @ hips
     yaw = torch.atan2(turn[:, 0, 2] - turn[:, 2, 0], turn[:, 0, 0] + turn[:, 2, 2])
-    yaw = yaw + facing(skeleton, find_legs(skeleton))
+    yaw = yaw + facing(skeleton, legs_of(skeleton))
     return bool(torch.atan2(torch.sin(yaw), torch.cos(yaw)).abs().max() > ASIDE)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
-from hopdiff.editing.leg_joints import find_legs
+from hopdiff.geometry.body_parts import legs_of
+from hopdiff.geometry.joint_names import is_like, named
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.bvh_channels import BvhJoint, offsets_of, rotations_of
 from hopdiff.types import HopdiffError
@@ -24,9 +24,6 @@ LOOKS = 30  # frames that are looked at
 CLEAR = 0.8  # share of the height in a direction from which on it is upright
 STRETCHED = 0.7  # of the bones from foot to head, by which a rest pose is that of a body that stands
 ON_GROUND = 0.06  # of the same, by which a body's lowest point may be off zero, and go up and down
-HEAD = re.compile(r"head", re.IGNORECASE)
-FEET = re.compile(r"foot|feet|toe|ankle", re.IGNORECASE)
-HIPS = re.compile(r"hips?$|pelvis$", re.IGNORECASE)
 
 
 def unit_of(unit: float | str) -> float:
@@ -115,7 +112,7 @@ def _legs(joints: Sequence[BvhJoint], values: Tensor, up: str) -> float | None:
     ends = {joint.name: rest.new_tensor(joint.end_sites[0]) / scale for joint in joints if joint.end_sites}
     skeleton = Skeleton(names, tuple(joint.parent for joint in joints), rest / scale, ends)
     lengths = []
-    for leg in find_legs(skeleton):
+    for leg in legs_of(skeleton):
         lowest = leg.knee if leg.ankle is None else leg.ankle
         # Twisting joints may lie between hip, knee and ankle.
         chain = _above(joints, lowest)
@@ -134,8 +131,8 @@ def _bones(joints: Sequence[BvhJoint], values: Tensor) -> Tensor:
 def _size(joints: Sequence[BvhJoint], values: Tensor) -> float | None:
     """Length of the bones from foot to head in file units, if both are named."""
     bones = _bones(joints, values)
-    heads = [at for at, joint in enumerate(joints) if HEAD.search(joint.name)]
-    feet = [at for at, joint in enumerate(joints) if FEET.search(joint.name)]
+    heads = [at for at, joint in enumerate(joints) if is_like("head", joint.name)]
+    feet = [at for at, joint in enumerate(joints) if is_like("foot", joint.name)]
     if not heads or not feet:
         return None
     ways = [_above(joints, at) for at in (heads[0], feet[0])]
@@ -184,17 +181,17 @@ def _points(joints: Sequence[BvhJoint], offsets: Tensor, rotations: Tensor) -> T
 
 def _hips(joints: Sequence[BvhJoint]) -> int:
     """The joint whose height tells the size: by name, else where the skeleton first branches, else the root."""
-    named = (at for at, joint in enumerate(joints) if HIPS.search(joint.name))
+    hips = named(tuple(joint.name for joint in joints), "pelvis")
     parents = [joint.parent for joint in joints]
     branching = (at for at in range(len(joints)) if parents.count(at) > 1)
-    return next(named, next(branching, 0))
+    return min(hips, default=next(branching, 0))
 
 
 def _upright(joints: Sequence[BvhJoint], points: Tensor) -> Tensor:
     """(S, 3) size along each axis of the way from the feet to the head, or of the whole body if no name tells them."""
-    feet = [at for at, joint in enumerate(joints) if FEET.search(joint.name)]
+    feet = [at for at, joint in enumerate(joints) if is_like("foot", joint.name)]
     if not feet:
         size = points.amax(dim=1) - points.amin(dim=1)
         return size * torch.tensor([0.0, 1.0, 1.0], dtype=torch.float64)  # x is where arms are spread
-    heads = [at for at, joint in enumerate(joints) if HEAD.search(joint.name)] or [_hips(joints)]
+    heads = [at for at, joint in enumerate(joints) if is_like("head", joint.name)] or [_hips(joints)]
     return (points[:, heads].mean(dim=1) - points[:, feet].mean(dim=1)).abs()

@@ -68,8 +68,8 @@ def test_it_is_edited_and_stays_as_it_is_written(
     assert after[-1, 0, [0, 2]] == pytest.approx([x, z], abs=1e-3)
     np.testing.assert_allclose(after[0, 0, [0, 2]], before[0, 0, [0, 2]], atol=1e-4)
     # Bones keep their lengths.
-    lengths = [np.linalg.norm(one[:, 1] - one[:, 0], axis=-1) for one in (after, before)]
-    np.testing.assert_allclose(*lengths, atol=1e-5)
+    new, old = (np.linalg.norm(one[:, 1] - one[:, 0], axis=-1) for one in (after, before))
+    np.testing.assert_allclose(new, old, atol=1e-5)
     head = re.compile(r"(?si)(.*frames\s*:?\s*)\d+(.*?frame time[^\r\n]*)")
     heads = [head.match(text_of(one)) for one in (data, written.data)]
     assert heads[0]
