@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdiff.editing.leg_joints import SIDES, find_legs, plain_name
+from hopdiff.geometry.body_parts import body_parts
+from hopdiff.geometry.joint_names import SIDES
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
@@ -75,81 +76,16 @@ BUILD = 22.9  # kg/m^2, body mass over height squared, of bodies whose mass is n
 LEG = 0.53  # height of the hip in body heights: Drillis and Contini (1966)
 GROUND_ROOT = {"unreal_mannequin": "root"}  # schemes whose root is a joint on the ground, and its name
 
-# What parts that are no legs are called, without the side, letters only.
-_ARM = {
-    "shoulder": ("arm", "upperarm", "uparm", "humerus", "shoulder"),
-    "elbow": ("forearm", "lowerarm", "lowarm", "elbow", "radius"),
-    "wrist": ("hand", "wrist"),
-}
-_COLLAR = ("clavicle", "collar", "collarbone", "shoulder")
-_MIDDLE = {"neck": ("neck",), "head": ("head",)}
-
 
 def parts_of(skeleton: Skeleton) -> dict[str, int]:
     """Part of the body, by the names of `full_body`, -> joint; without the parts that were not found.
 
-    The legs as editing finds them, arms by their names, the trunk by what lies between pelvis and neck.
+    By the names of a whole scheme, or else as `body_parts` finds them.
     """
-    names = skeleton.names
     for scheme in SCHEMES.values():
-        if set(scheme.values()) <= set(names):
+        if set(scheme.values()) <= set(skeleton.names):
             return {part: skeleton.index(name) for part, name in scheme.items()}
-    found: dict[str, int] = {}
-    for leg in find_legs(skeleton):
-        parts = {"hip": leg.hip, "knee": leg.knee, "ankle": leg.ankle, "toe": leg.toe}
-        found |= {f"{leg.side}_{part}": joint for part, joint in parts.items() if joint is not None}
-    plain = [plain_name(name) for name in names]
-    for side in SIDES:
-        arm: dict[str, int] = {}
-        above = -1
-        for part, words in _ARM.items():
-            fitting = [
-                (words.index(word), joint)
-                for joint, (own, word) in enumerate(plain)
-                if own == side and word in words and (above < 0 or above in skeleton.above(joint))
-            ]
-            if not fitting:
-                break
-            above = arm[part] = min(fitting)[1]
-        collar = [
-            joint
-            for joint, (own, word) in enumerate(plain)
-            if own == side and word in _COLLAR and "shoulder" in arm and joint in skeleton.above(arm["shoulder"])
-        ]
-        if collar:
-            arm["collar"] = collar[0]
-        if arm and found.get(f"{side}_hip") in arm.values():
-            # Of a body without that leg.
-            found = {part: joint for part, joint in found.items() if not part.startswith(side)}
-        if "elbow" in arm:
-            found |= {f"{side}_{part}": joint for part, joint in arm.items()}
-    for part, words in _MIDDLE.items():
-        fitting_middle = [joint for joint, (own, word) in enumerate(plain) if own is None and word in words]
-        if fitting_middle:
-            found[part] = fitting_middle[0]
-    return found | _trunk(skeleton, found)
-
-
-def _trunk(skeleton: Skeleton, found: Mapping[str, int]) -> dict[str, int]:
-    """Pelvis: where both legs hang; waist, chest and upper chest: of the chain from there to the neck or the arms."""
-    hips = [found[f"{side}_hip"] for side in SIDES if f"{side}_hip" in found]
-    if len(hips) < len(SIDES):
-        return {}
-    shared = [joint for joint in skeleton.above(hips[0]) if joint in skeleton.above(hips[1])]
-    if not shared:
-        return {}
-    # A root on the ground, or a joint of the same place above it, is not the pelvis if something nearer is.
-    trunk = {"pelvis": shared[0]}
-    top = next((found[part] for part in ("neck", "left_collar", "left_shoulder", "head") if part in found), None)
-    if top is not None and shared[0] in skeleton.above(top):
-        chain = [joint for joint in reversed(skeleton.above(top)) if shared[0] in skeleton.above(joint)]
-        if chain:
-            trunk["waist"] = chain[0]
-        if len(chain) > 2:
-            trunk["chest"] = chain[len(chain) // 2]
-        if len(chain) > 1:
-            trunk["upper_chest"] = chain[-1]
-    return trunk
+    return body_parts(skeleton)
 
 
 def renamed(skeleton: Skeleton, scheme: str) -> Skeleton:

@@ -8,9 +8,10 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from hopdiff.editing.leg_joints import SIDES, plain_name
 from hopdiff.export.anatomy import parts_of
 from hopdiff.export.take import Take
+from hopdiff.geometry.body_parts import may_have_arms
+from hopdiff.geometry.joint_names import SIDES, plain_name
 from hopdiff.geometry.rotation import between_directions
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
@@ -48,12 +49,15 @@ def root_height(skeleton: Skeleton) -> float:
 
 
 def _arms_at(skeleton: Skeleton, angle: float) -> Tensor:
-    """(J, 3, 3) orientations of all joints in the rest pose with arms at an angle above the horizontal [rad]."""
+    """(J, 3, 3) orientations of all joints in the rest pose with arms at an angle above the horizontal [rad]; as they
+    are for a body that has no arms."""
     parts = parts_of(skeleton)
     turned = torch.eye(3, dtype=torch.float64).repeat(len(skeleton.names), 1, 1)
+    if not any(f"{side}_shoulder" in parts for side in SIDES) and not may_have_arms(skeleton):
+        return turned
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         if f"{side}_shoulder" not in parts or f"{side}_elbow" not in parts:
-            raise HopdiffError("rest: the arms of this skeleton cannot be told by its joints' names.")
+            raise HopdiffError("rest: the arms of this skeleton cannot be told by its joints' names or its shape.")
         wanted = torch.tensor([sign * math.cos(angle), math.sin(angle), 0.0], dtype=torch.float64)
         upper = between_directions(skeleton.offsets[parts[f"{side}_elbow"]], wanted)
         below = _end_of(skeleton, parts[f"{side}_elbow"], parts.get(f"{side}_wrist"))

@@ -50,7 +50,7 @@ class Take:
     feet: (T, 2, 3) their contact points [m]. com: (T, 3) centre of mass [m]. leg_force: (T, 2) along each leg [N].
     masses: of the body's eleven segments by joint [kg]. force, cop: (T, 2, 3) ground force on each foot [N] and its
     centre of pressure [m]. segments: the rigid parts that its joints move. What is not known is None. numbers: about
-    the motion, for people (what metrics.json holds).
+    the motion, for people (what metrics.json holds). notes: sentences for the user on how its file was read.
     """
 
     name: str
@@ -65,6 +65,7 @@ class Take:
     force: Tensor | None = None
     cop: Tensor | None = None
     segments: Segments | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def frames(self) -> int:

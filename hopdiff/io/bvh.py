@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -12,10 +13,12 @@ import torch
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.euler import continuous_euler
 from hopdiff.geometry.skeleton import Skeleton
-from hopdiff.io.bvh_channels import BvhJoint
+from hopdiff.io.bvh_carrier import above_of, below_of, carrier_of
+from hopdiff.io.bvh_channels import BvhJoint, columns
 from hopdiff.io.bvh_file import AXES, BvhFile
 from hopdiff.io.bvh_guess import guess_unit, guess_up, unit_of, up_of
 from hopdiff.io.bvh_parse import parse_bvh, read_bytes
+from hopdiff.messages import plural
 from hopdiff.types import HopdiffError
 
 __all__ = ["EULER_ORDERS", "BvhFile", "BvhJoint", "continuous_euler", "read_bvh", "write_bvh"]
@@ -26,8 +29,9 @@ EULER_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 def read_bvh(path: str | os.PathLike[str], unit: float | str | None = None, up: str | None = None) -> BvhFile:
     """Read a BVH file.
 
-    unit: metres in a file unit, or m, cm, mm, inch or cmu (0.0254 / 0.45 m); None guesses it from the height of the
-    hips. up: "y" or "z"; None guesses it from where head and feet are.
+    unit: metres in a file unit, or m, cm, mm, inch or cmu (0.0254 / 0.45 m); None guesses it from the length of
+    the legs. up: "y" or "z"; None guesses it from where head, feet and ground are. The file's notes
+    tell what was mended, and where joint 0 of the clip is not the root.
     Raises HopdiffError, naming file and line, for a file that is not a whole, sensible BVH file with one skeleton, and
     for a unit or axis that there is not.
     """
@@ -38,7 +42,24 @@ def read_bvh(path: str | os.PathLike[str], unit: float | str | None = None, up: 
     axis = axis or guess_up(parsed.joints, values)
     metres = metres or guess_unit(parsed.joints, values, axis)
     decimals = (parsed.decimals, parsed.offset_decimals)
-    return BvhFile(parsed.joints, values, parsed.frame_time, *decimals, metres, axis, parsed.encoding)
+    file = BvhFile(parsed.joints, values, parsed.frame_time, *decimals, metres, axis, parsed.encoding)
+    layout = None if parsed.layout is None else (parsed.joints, parsed.layout)
+    return with_carrier(replace(file, notes=parsed.notes, layout=layout))
+
+
+def with_carrier(file: BvhFile) -> BvhFile:
+    """The file with the joint that carries its body found, and a note for the user if that is not the root."""
+    carrier = carrier_of(file.joints, file.whole_skeleton(), file.moving)
+    if not carrier:
+        return file
+    found = replace(file, carrier=carrier)
+    names, taken = file.names, {*above_of(file.joints, carrier), *below_of(file.joints, carrier)}
+    note = f"the way is that of joint {names[carrier]!r}, not of {names[0]!r}, which does not carry the body."
+    first = columns(file.joints)
+    moved = (file.values != file.values[:1]).any(dim=0)
+    left = [names[at] for at in range(len(names)) if at not in taken and bool(moved[first[at] : first[at + 1]].any())]
+    also = f" {plural(len(left), 'moving joint')} beside it, {left[0]!r} first, stay as they are." if left else ""
+    return replace(found, notes=(*file.notes, note + also))
 
 
 def write_bvh(path: str | os.PathLike[str], clip: Clip, order: str = "ZXY", unit: float = 1.0, up: str = "y") -> None:

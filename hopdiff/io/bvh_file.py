@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
 
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
-from hopdiff.io.bvh_channels import BvhJoint, encode, offsets_of, rotations_of
+from hopdiff.io.bvh_carrier import above_of, below_of, carried, give_back, movers, raises
+from hopdiff.io.bvh_channels import BvhJoint, columns, encode, offsets_of, rotations_of
+from hopdiff.io.bvh_layout import Layout
 from hopdiff.io.bvh_numbers import exact, written
 from hopdiff.io.files import write_whole
 from hopdiff.types import HopdiffError
@@ -31,6 +35,9 @@ class BvhFile:
     joints: J of them, parents first. values: (T, C) float64, the rows of numbers, in file units and degrees.
     frame_time: seconds. decimals, offset_decimals: the most that a number of the motion, and of the hierarchy, is
     written with. unit: metres in a file unit. up: the file's axis that points up, "y" or "z". encoding: of the text.
+    carrier: the joint that carries the body over the ground, which is joint 0 of the clip. What it hangs on is part of
+    its way there; what else hangs on that has no part in the clip, and stays as it is.
+    notes: sentences for the user on what was read other than it is written. layout: how these joints are written.
     """
 
     joints: tuple[BvhJoint, ...]
@@ -41,6 +48,9 @@ class BvhFile:
     unit: float = 1.0
     up: str = "y"
     encoding: str = "utf-8"
+    carrier: int = 0
+    notes: tuple[str, ...] = ()
+    layout: tuple[tuple[BvhJoint, ...], Layout] | None = None
 
     @property
     def frames(self) -> int:
@@ -61,8 +71,8 @@ class BvhFile:
             names.append(name)
         return tuple(names)
 
-    def skeleton(self) -> Skeleton:
-        """The joints in metres, y up; of several end sites of a joint the first."""
+    def whole_skeleton(self) -> Skeleton:
+        """All joints of the file in metres, y up; of several end sites of a joint the first."""
         names = self.names
         offsets = self._metres(torch.tensor([joint.offset for joint in self.joints], dtype=torch.float64))
         ends = {
@@ -72,42 +82,116 @@ class BvhFile:
         }
         return Skeleton(names, tuple(joint.parent for joint in self.joints), offsets, ends)
 
-    def clip(self) -> Clip:
-        """The motion in metres, y up. Position channels take the place of OFFSET, they are not added to it."""
-        offsets = self._metres(offsets_of(self.joints, self.values))
-        rotations = rotations_of(self.joints, self.values)
+    def skeleton(self) -> Skeleton:
+        """The joints of the clip: the carrier, and those below it, in metres, y up."""
+        whole = self.whole_skeleton()
+        if not self.carrier:
+            return whole
+        kept, (place, basis) = self._kept, self._held
+        offsets = whole.offsets[kept] @ basis.T
+        offsets[0] = place
+        names = tuple(whole.names[joint] for joint in kept)
+        parents = (-1, *(kept.index(whole.parents[joint]) for joint in kept[1:]))
+        return Skeleton(names, parents, offsets, {n: basis @ end for n, end in whole.end_sites.items() if n in names})
+
+    def moving(self, some: Sequence[int] | None = None) -> tuple[Tensor, Tensor]:
+        """Places (T, K, 3) [m] and rotations (T, K, 3, 3) of joints in their parents' frames, y up. some: all if None.
+
+        Position channels take the place of OFFSET, they are not added to it.
+        """
+        joints, values = self.joints, self.values
+        if some is not None:
+            first = columns(joints)
+            values = values[:, [column for joint in some for column in range(first[joint], first[joint + 1])]]
+            joints = tuple(joints[joint] for joint in some)
+        rotations = rotations_of(joints, values)
         if self.up != "y":
             rotations = self._axes() @ rotations @ self._axes().T
-        moving = any(joint.places for joint in self.joints[1:])
-        return Clip(self.skeleton(), offsets[:, 0].clone(), rotations, self.frame_time, offsets if moving else None)
+        return self._metres(offsets_of(joints, values)), rotations
+
+    def clip(self) -> Clip:
+        """The motion in metres, y up, of the carrier and the joints below it."""
+        offsets, rotations = self.moving()
+        kept = self._kept
+        moving = any(self.joints[joint].places for joint in kept[1:])
+        if not self.carrier:
+            return Clip(self.skeleton(), offsets[:, 0].clone(), rotations, self.frame_time, offsets if moving else None)
+        # Frames of joints are turned such that the body stands at rest if it stands at rest in the file's first frame.
+        _, basis = self._held
+        chain = above_of(self.joints, self.carrier)
+        place, turn = carried(offsets[:, chain], rotations[:, chain])
+        own = torch.cat(((turn @ basis.T)[:, None], basis @ rotations[:, kept[1:]] @ basis.T), dim=1)
+        return Clip(self.skeleton(), place, own, self.frame_time, offsets[:, kept] @ basis.T if moving else None)
 
     def with_motion(self, clip: Clip) -> BvhFile:
         """The same file with another motion: names, offsets, channels and frame time stay.
 
         clip: the same joints, any number of frames. If there are as many as before, numbers that mean what they meant
-        are kept; new angles go on from them without jumps. Raises HopdiffError if the clip has other joints, bones or
-        frame times, a number that is not finite, or needs a channel that the file does not have.
+        are kept; new angles go on from them without jumps. Joints above the carrier stay as they are, but for what its
+        own channels cannot express; if there are other frames than before they stay as in the first. Raises
+        HopdiffError if the clip has other joints, bones or frame times, a number that is not finite, or needs a channel
+        that the file does not have.
         """
         self._check(clip)
-        axes = self._axes()
         rotations = clip.rotations.detach().double().cpu()
-        if self.up != "y":
-            rotations = axes.T @ rotations @ axes
         bones = (clip.skeleton.offsets if clip.offsets is None else clip.offsets).detach().double().cpu()
         bones = bones.expand(clip.frames, *bones.shape[-2:]).clone()
         bones[:, 0] = clip.root_position.detach().double().cpu()
+        if self.carrier:
+            bones, rotations = self._given_back(bones, rotations)
+        axes = self._axes()
+        if self.up != "y":
+            rotations = axes.T @ rotations @ axes
         decimals = max(self.decimals, FEWEST_DECIMALS)
         values, changed = encode(self.joints, bones @ axes / self.unit, rotations, self.values, decimals)
         return replace(self, values=values, decimals=decimals if changed else self.decimals)
 
+    def _given_back(self, bones: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:
+        """Places (T, J, 3) [m] and rotations (T, J, 3, 3) of all joints for those of the clip's, y up."""
+        kept, (_, basis), chain = self._kept, self._held, above_of(self.joints, self.carrier)
+        own_places, own_turns = self.moving()
+        who = movers(self.joints, chain, own_places, up=1)
+        if len(bones) != self.frames:
+            own_places, own_turns = (
+                own[:1].repeat(len(bones), *[1] * (own.ndim - 1)) for own in (own_places, own_turns)
+            )
+        turn = rotations[:, 0] @ basis
+        own_places[:, kept[1:]] = bones[:, 1:] @ basis
+        own_turns[:, kept[1:]] = basis.T @ rotations[:, 1:] @ basis
+        give_back(self.joints, chain, own_places, own_turns, bones[:, 0], turn, who)
+        return own_places, own_turns
+
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the file, whole or not at all; reading it gives the same numbers.
 
-        Raises HopdiffError if it cannot be written.
+        What was read is written as it stood there: all above the numbers but how many frames there are, and frames that
+        have not changed. Raises HopdiffError if it cannot be written.
         """
+        if self.layout is not None and self.layout[0] == self.joints:
+            write_whole(path, self.layout[1].text(self.values.numpy(), self.frame_time, self.decimals))
+            return
         lines = [*self._hierarchy(), "MOTION", f"Frames: {self.frames}", f"Frame Time: {exact(self.frame_time, 0)}"]
         lines += written(self.values.numpy(), self.decimals)
         write_whole(path, ("\n".join(lines) + "\n").encode(self.encoding))
+
+    @cached_property
+    def _kept(self) -> list[int]:
+        """The joints of the clip."""
+        return below_of(self.joints, self.carrier)
+
+    @cached_property
+    def _held(self) -> tuple[Tensor, Tensor]:
+        """Where the carrier's OFFSET has it (3,) [m], and how the body is turned to stand at rest (3, 3).
+
+        Both by the first frame's turn of what it hangs on, which the body may need to stand, or its hips take back.
+        """
+        chain = above_of(self.joints, self.carrier)
+        places, turns = replace(self, values=self.values[:1]).moving(chain)
+        whole = self.whole_skeleton()
+        places[:, -1] = whole.offsets[self.carrier]
+        place, _ = carried(places, turns)
+        _, basis = carried(places[:, :-1], turns[:, :-1])
+        return place[0], basis[0] if raises(whole, basis[0]) else torch.eye(3, dtype=torch.float64)
 
     def _axes(self) -> Tensor:
         return torch.tensor(AXES[self.up], dtype=torch.float64)
@@ -121,7 +205,7 @@ class BvhFile:
         if (clip.skeleton.names, clip.skeleton.parents) != (skeleton.names, skeleton.parents):
             raise HopdiffError("the motion has other joints than the BVH file that it shall be written into.")
         longest = float(skeleton.offsets.abs().max())
-        moving = [bool(joint.places) for joint in self.joints]
+        moving = [bool(self.joints[joint].places) for joint in self._kept]
         moving[0] = True
         change = (clip.skeleton.offsets.detach().double().cpu() - skeleton.offsets).abs().amax(dim=-1)
         change[torch.tensor(moving)] = 0.0

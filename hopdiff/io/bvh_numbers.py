@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdiff.messages import plural
 from hopdiff.types import HopdiffError
 
 Array = NDArray[np.float64]
@@ -16,39 +17,63 @@ Whole = NDArray[np.int64]
 
 LARGEST = 1e12  # beyond it a number is a mistake, whatever the unit
 MOST = 15  # decimals that a file may be said to have
+SPARE = 1  # frames that may be there more or less than said
 BLOCK = 4 << 20  # bytes read at a time
 COMMENT = (b"#", b"//", b";")
 NUMBER = re.compile(rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+# A number with a point, up to its end or to the sign of the next one, where the blank between them is missing.
+PIECE = re.compile(rb"[+-]?(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?(?=[+-]|$)")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of numbers (T, C) and the most decimals that one of them is written with. notes: for the user, on what was
+    mended. mended: whether numbers were."""
+
+    values: Array
+    decimals: int
+    notes: tuple[str, ...]
+    mended: bool
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Numbers in a row, the lines that hold any, how many each of these holds, and the most decimals."""
+    """Numbers in a row, the lines that hold any, how many each of these holds, the most decimals, and for the user what
+    was mended."""
 
     numbers: Array
     lines: Whole
     counts: Whole
     decimals: int
+    notes: tuple[str, ...] = ()
 
 
-def read_rows(text: bytes, line: int, frames: int, said: int, channels: int, where: str) -> tuple[Array, int]:
+def read_rows(text: bytes, line: int, frames: int, said: int, channels: int, where: str) -> Table:
     """All numbers below the head of a motion.
 
     text: what follows the line of the frame time, lines ended by newlines. line: number of its first line. frames:
     how many rows there shall be, as line `said` has it. channels: how many numbers in a row. where: the file's name,
     for errors. A frame may be spread over several lines, or several frames stand on one.
-    Returns (frames, channels) numbers and the most decimals that one of them is written with.
-    Raises HopdiffError, naming the line, for anything else.
+    One frame more or less than said is read as it is there, and two numbers without a blank between them as two where
+    the frame lacks one. Raises HopdiffError, naming the line, for anything else.
     """
     rows = _fast(text, line)
     if rows is None or not (np.abs(rows.numbers) <= LARGEST).all():
-        rows = _slow(text, line, where)
-    if len(rows.numbers) == frames * channels and _in_order(rows.counts, channels):
-        return rows.numbers.reshape(frames, channels), rows.decimals
+        rows = _slow(text, line, channels, where)
+    found, rest = divmod(len(rows.numbers), channels)
+    if found and not rest and abs(found - frames) <= SPARE and _in_order(rows.counts, channels):
+        notes = rows.notes
+        if found != frames:
+            notes = (
+                *notes,
+                f"line {said} says that there are {plural(frames, 'frame')}, but {found} were found and read.",
+            )
+        return Table(rows.numbers.reshape(found, channels), rows.decimals, notes, bool(rows.notes))
     if (odd := np.flatnonzero(rows.counts != channels)).size:
         at, count = rows.lines[odd[0]], rows.counts[odd[0]]
         raise HopdiffError(f"{where}, line {at}: {count} numbers stand here, but a frame has {channels}.")
-    raise HopdiffError(f"{where}, line {said}: the file says that it has {frames} frames, but holds {len(rows.lines)}.")
+    held = f"{plural(frames, 'frame')}, but holds {len(rows.lines)}"
+    raise HopdiffError(f"{where}, line {said}: the file says that it has {held}.")
 
 
 def _in_order(counts: Whole, channels: int) -> bool:
@@ -110,21 +135,42 @@ def decimals_of(word: bytes) -> int:
     return min(len(word.lower().partition(b"e")[0].partition(b".")[2]), MOST)
 
 
-def _slow(text: bytes, line: int, where: str) -> Rows:
+def _slow(text: bytes, line: int, channels: int, where: str) -> Rows:
     """The rows, word by word; comments are left out. Raises HopdiffError for a word that is not a sensible number."""
     numbers: list[float] = []
     lines: list[int] = []
     counts: list[int] = []
+    mended: list[tuple[int, bytes]] = []
     decimals = 0
     for at, row in enumerate(text.split(b"\n"), start=line):
         words = row.split()
         if not words or words[0].startswith(COMMENT):
             continue
+        if len(words) < channels and len(apart := [piece for word in words for piece in _pieces(word)]) == channels:
+            mended += [(at, word) for word in words if len(_pieces(word)) > 1]
+            words = apart
         numbers += [number(word, at, where) for word in words]
         lines.append(at)
         counts.append(len(words))
         decimals = max(decimals, *map(decimals_of, words))
-    return Rows(np.array(numbers), np.array(lines, np.int64), np.array(counts, np.int64), decimals)
+    return Rows(np.array(numbers), np.array(lines, np.int64), np.array(counts, np.int64), decimals, _told(mended))
+
+
+def _pieces(word: bytes) -> list[bytes]:
+    """The numbers that a word is put together from, each with a point; the word itself if it is not."""
+    if NUMBER.fullmatch(word):
+        return [word]
+    pieces: list[bytes] = PIECE.findall(word)
+    return pieces if b"".join(pieces) == word else [word]
+
+
+def _told(mended: list[tuple[int, bytes]]) -> tuple[str, ...]:
+    """What the user is told of numbers without blanks between them."""
+    if not mended:
+        return ()
+    at, word = mended[0]
+    more = f", and {len(mended) - 1} more like it" if len(mended) > 1 else ""
+    return (f"line {at} lacks a blank: {shown(word)} was read as {len(_pieces(word))} numbers{more}.",)
 
 
 def number(word: bytes, line: int, where: str) -> float:

@@ -8,19 +8,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hopdiff.io.bvh_channels import BvhJoint, channel_kind
+from hopdiff.io.bvh_layout import FRAME_TIME, FRAMES, Layout, layout_of
 from hopdiff.io.bvh_numbers import COMMENT, LARGEST, Array, decimals_of, number, read_rows, shown
 from hopdiff.types import HopdiffError
 
 MOTION = re.compile(rb"^[ \t]*MOTION\b", re.IGNORECASE | re.MULTILINE)
-FRAMES = re.compile(r"\s*frames\s*[:\s]\s*([^\s:]+)\s*", re.IGNORECASE)
-FRAME_TIME = re.compile(r"\s*frame\s*time\s*[:\s]\s*([^\s:]+)\s*", re.IGNORECASE)
 WORD = re.compile(r"[{}]|[^\s{}]+")
 BLOCK_WORDS = ("{", "}", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "HIERARCHY")
 
 
 @dataclass(frozen=True)
 class Parsed:
-    """What a file says, units and axes left open. values: (T, C) in the file's units and degrees."""
+    """What a file says, units and axes left open.
+
+    values: (T, C) in the file's units and degrees. notes: for the user, on what was mended. layout: see there.
+    """
 
     joints: tuple[BvhJoint, ...]
     values: Array
@@ -28,6 +30,8 @@ class Parsed:
     decimals: int
     offset_decimals: int
     encoding: str
+    notes: tuple[str, ...]
+    layout: Layout | None
 
 
 @dataclass
@@ -50,8 +54,10 @@ def parse_bvh(data: bytes, where: str) -> Parsed:
 
     Raises HopdiffError, naming the line where there is one, for anything that is not a whole, sensible BVH file.
     """
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        data = data.decode("utf-16", "replace").encode()
+    codec = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}.get(data[:2])
+    if codec is not None:
+        data = data[2:].decode(codec, "replace").encode("utf-8", "replace")
+    raw = data
     data = data.removeprefix(b"\xef\xbb\xbf")
     if not data.strip():
         raise HopdiffError(f"{where}: the file is empty.")
@@ -67,10 +73,11 @@ def parse_bvh(data: bytes, where: str) -> Parsed:
         raise HopdiffError(f"{where}, line {parser.line}: the file ends before its MOTION.")
     line = data.count(b"\n", 0, motion.start()) + 1
     joints = parser.joints(line)
-    frames, said, frame_time, start, line = _motion_head(data, motion.end(), line, where)
+    frames, said, frame_time, timed, start = _motion_head(data, motion.end(), line, where)
     channels = sum(len(joint.channels) for joint in joints)
-    values, decimals = read_rows(data[start:], line, frames, said, channels, where)
-    return Parsed(joints, values, frame_time, decimals, parser.decimals, encoding)
+    rows = read_rows(data[start:], timed + 1, frames, said, channels, where)
+    layout = layout_of(raw, said, timed, rows.values, frame_time, rows.mended, codec)
+    return Parsed(joints, rows.values, frame_time, rows.decimals, parser.decimals, encoding, rows.notes, layout)
 
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
@@ -130,7 +137,7 @@ class _Hierarchy:
             match word.upper():
                 case "ROOT" | "JOINT":
                     self._begin(word.upper())
-                case "END":
+                case "END" | "ENDSITE":
                     self._begin_end()
                 case "{":
                     self._open_block()
@@ -255,7 +262,7 @@ class _Hierarchy:
 
 
 def _motion_head(data: bytes, start: int, line: int, where: str) -> tuple[int, int, float, int, int]:
-    """Frames and the line that says so, frame time [s], and where and on which line the numbers begin."""
+    """Frames and the line that says so, frame time [s] and its line, and where the numbers begin, a line below."""
     found: list[tuple[str, int]] = []
     wanted = ((FRAMES, "Frames: and a number"), (FRAME_TIME, "Frame Time: and a number"))
     end = data.find(b"\n", start)
@@ -271,10 +278,10 @@ def _motion_head(data: bytes, start: int, line: int, where: str) -> tuple[int, i
         if not text.strip() or text.lstrip().startswith(COMMENT):
             continue
         pattern, what = wanted[len(found)]
-        match = pattern.fullmatch(text.decode("utf-8", "replace"))
+        match = pattern.fullmatch(text)
         if not match:
             raise HopdiffError(f"{where}, line {line}: {what} should stand here, not {shown(text.strip())}.")
-        found.append((match.group(1), line))
+        found.append((match.group(1).decode("utf-8", "replace"), line))
     (count, count_line), (step, step_line) = found
     if not (count.isascii() and count.isdigit() and len(count) < 19):
         raise HopdiffError(f"{where}, line {count_line}: the number of frames cannot be {shown(count)}.")
@@ -284,4 +291,4 @@ def _motion_head(data: bytes, start: int, line: int, where: str) -> tuple[int, i
     if not 0.0 < seconds <= LARGEST:
         raise HopdiffError(f"{where}, line {step_line}: the time between frames must be positive, not {shown(step)}.")
     end = data.find(b"\n", start)
-    return int(count), count_line, seconds, (end + 1 if end >= 0 else len(data)), line + 1
+    return int(count), count_line, seconds, step_line, (end + 1 if end >= 0 else len(data))

@@ -9,8 +9,9 @@ import numpy as np
 import torch
 
 from hopdiff.geometry.clip import Clip
+from hopdiff.geometry.joint_names import side_of
 from hopdiff.geometry.skeleton import Skeleton
-from hopdiff.plots.joints import points_of, side_of
+from hopdiff.plots.joints import points_of
 from hopdiff.plots.shapes import capsule, circle, ellipse, hull
 from hopdiff.plots.shapes import foot as outline_of_foot
 from hopdiff.plots.view import Array, Camera

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from hopdiff.geometry.joint_names import side_of
 from hopdiff.plots import style
-from hopdiff.plots.joints import side_of
 from hopdiff.plots.view import Array, numbers
 from hopdiff.types import HopdiffError
 

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 from hopdiff.character import Character
 from hopdiff.geometry.clip import Clip
+from hopdiff.geometry.joint_names import side_of
 from hopdiff.plots import style
 from hopdiff.plots.body import Body
-from hopdiff.plots.joints import side_of
 from hopdiff.plots.scene import draw_seen
 from hopdiff.plots.view import FRONT, RIGHT, Array, Camera
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,26 +9,12 @@ import numpy as np
 import torch
 
 from hopdiff.geometry.clip import Clip
+from hopdiff.geometry.joint_names import is_like, side_of
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.plots.view import Array, numbers
 from hopdiff.types import HopdiffError
 
 SIDES = ("left", "right", "middle")
-# What follows an l or r that means a side, as in lfemur, RThigh, LHipJoint; L5 and LowerBack lie in the middle.
-_LIMBS = (
-    "hip|thigh|femur|up|leg|low|knee|shin|calf|tibia|ankle|foot|heel|ball|toe|clav|coll|scap|should|shldr|arm|fore"
-    "|humer|elbow|radi|ulna|wrist|hand|palm|finger|thumb|index|mid|ring|pink|butt|eye"
-)
-_MARKS = (
-    re.compile(r"(left|(?<!up)right)", re.IGNORECASE),
-    re.compile(r"(?:^|[^a-z0-9])([lr])(?:[^a-z0-9]|$)", re.IGNORECASE),  # hip_l, Bip01 L Thigh
-    re.compile(rf"(?:^|[^a-z])([lr])(?={_LIMBS})", re.IGNORECASE),
-    re.compile(r"[a-z]([LR])(?:[^A-Za-z]|$)"),  # handL
-)
-_FINGER = re.compile(r"finger(?!base)|thumb|index|pink(y|ie)|(middle|mid|ring|little)(?![a-z])", re.IGNORECASE)
-_HEAD = re.compile(r"head|skull", re.IGNORECASE)
-_NECK = re.compile(r"neck", re.IGNORECASE)
-_NOT_TOP = re.compile(r"jaw|eye|brow|nose|lip|mouth|tongue|chin|hair", re.IGNORECASE)
 _ASIDE = 0.02  # of the height at rest: joints that lie so far from the middle belong to a side if no name tells
 _ABOVE = 0.06  # of it, by which a head without a name stands above everything else
 
@@ -59,15 +44,6 @@ class Head:
         way = points[..., self.tip, :] - points[..., self.base, :]
         way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
         return np.asarray(points[..., self.tip, :] - np.clip(self.bone - radius, 0.0, radius) * way)
-
-
-def side_of(name: str) -> str:
-    """ "left" or "right" as a joint's name says in any of the usual ways, otherwise "middle"."""
-    bare = name.rsplit(":", 1)[-1]
-    for mark in _MARKS:
-        if found := mark.search(bare):
-            return "left" if found[1].lower().startswith("l") else "right"
-    return "middle"
 
 
 def points_of(clip: Clip) -> Array:
@@ -117,7 +93,7 @@ class Bones:
     def _find_fingers(self) -> list[bool]:
         found = [False] * len(self.names)
         for node in range(1, len(self.names)):
-            named = self.sides[node] != "middle" and _FINGER.search(self.names[node]) is not None
+            named = self.sides[node] != "middle" and is_like("finger", self.names[node])
             found[node] = named or found[self.parents[node]]
         return found
 
@@ -147,9 +123,9 @@ class Bones:
     def _find_head(self, count: int) -> Head | None:
         middle = [node for node in range(1, len(self.names)) if self.sides[node] == "middle"]
         joints = [node for node in middle if node < count]
-        heads = [node for node in joints if _HEAD.search(self.names[node])][:1]
-        if named := heads or [node for node in joints if _NECK.search(self.names[node])][-1:]:
-            over = [node for node in middle if self.parents[node] == named[0] and not _NOT_TOP.search(self.names[node])]
+        heads = [node for node in joints if is_like("head", self.names[node])][:1]
+        if named := heads or [node for node in joints if is_like("neck", self.names[node])][-1:]:
+            over = [node for node in middle if self.parents[node] == named[0] and not is_like("face", self.names[node])]
             tip = max(over, key=lambda node: float(self._offsets[node, 1]), default=named[0])
             return self._head(tip if np.any(self._offsets[tip]) else named[0])
         leaves = [node for node in middle if node not in self.parents]

@@ -135,7 +135,7 @@ def _nearest(yaw: float, own: float) -> float:
 
 
 def _warnings(source: Source, solved: EditedPath, before: RootPath) -> list[str]:
-    found = []
+    found = [] if source.file is None else list(source.file.notes)
     if not solved.converged:
         found.append(
             f"the targets were not met: {solved.error_place:.3f} m and {math.degrees(solved.error_yaw):.1f} degrees are"

@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from hopdiff.export.take import Take
 from hopdiff.export.write import distinct, plain, write_exports
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.files import read_json
-from hopdiff.io.run_folder import RunFolder
+from hopdiff.io.run_folder import Note, RunFolder
 from hopdiff.job import run_name
 from hopdiff.messages import say
 from hopdiff.runs.folders import find_runs
@@ -43,7 +43,10 @@ def build(call: Call) -> Work:
 
     def work(folder: RunFolder) -> None:
         written = _rows(write_all(takes, call.exports, folder.path))
-        rows = [("motions", _motions(takes)), *written, ("files", shown(folder.path))]
+        notes = [f"{take.name}: {note}" for take in takes for note in take.notes]
+        folder.notes = [Note("clip", note) for note in notes]
+        told = [("note", note) for note in notes]
+        rows = [("motions", _motions(takes)), *written, *told, ("files", shown(folder.path))]
         say("\n".join(f"{name:<9} {text}" for name, text in rows))
 
     return work
@@ -73,7 +76,7 @@ def _of_file(path: Path, name: str, numbers: Mapping[str, Any]) -> Take:
             return read_npz(path)
         case ".bvh":
             file = read_bvh(path, numbers.get("unit"), numbers.get("up"))
-            return Take.of_clip(plain(name), file.clip(), numbers)
+            return replace(Take.of_clip(plain(name), file.clip(), numbers), notes=file.notes)
         case _:
             raise HopdiffError(f"run={path}: motions are read from run folders, BVH and NPZ files.")
 

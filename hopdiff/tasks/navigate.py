@@ -22,7 +22,7 @@ from hopdiff.grounds import build_ground
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.events import write_events
 from hopdiff.io.record import write_json
-from hopdiff.io.run_folder import RunFolder
+from hopdiff.io.run_folder import Note, RunFolder
 from hopdiff.messages import say, unknown
 from hopdiff.plots.rooms import rooms_figure
 from hopdiff.plots.sticks import sticks_figure
@@ -108,7 +108,11 @@ def build(call: Call) -> Work:
             pictures = write_pictures(folder.path, figures)
         final = {name: value for name, value in numbers.items() if isinstance(value, float)}
         write_events(folder.path, results=final, pictures=pictures)
-        say(summary(folder.path, numbers))
+        notes = [
+            f"{Path(name).name}: {note}" for name, file in zip(own.clips, files, strict=True) for note in file.notes
+        ]
+        folder.notes = [Note("clip", note) for note in notes]
+        say(summary(folder.path, numbers, notes))
 
     return work
 
@@ -141,8 +145,8 @@ def _with_clean_feet(way: Way) -> tuple[Way, dict[str, float]]:
     return replace(way, clip=clean), numbers
 
 
-def summary(folder: Path, m: Mapping[str, Any]) -> str:
-    """The table at the end."""
+def summary(folder: Path, m: Mapping[str, Any], notes: Sequence[str] = ()) -> str:
+    """The table at the end. notes: sentences for the user."""
     rows = [
         ("graph", f"{m['graph_frames']} frames, {m['graph_seconds']:.1f} s"),
         (
@@ -160,6 +164,7 @@ def summary(folder: Path, m: Mapping[str, Any]) -> str:
     if "slide_speed_cleaned" in m:
         slides = ", ".join(f"{100 * m[f'slide_speed_{stage}']:.1f}" for stage in ("graph", "edited", "cleaned"))
         rows.append(("feet", f"slide {slides} cm/s (graph, edited, cleaned)"))
+    rows += [("note", note) for note in notes]
     rows.append(("files", shown(folder)))
     return "\n".join(f"{name:<9} {text}" for name, text in rows)
 

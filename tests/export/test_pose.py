@@ -10,6 +10,7 @@ from hopdiff.export.pose import mirrored, with_rest_pose
 from hopdiff.export.take import Take
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
+from tests.export.rigs import without
 from tests.export.takes import WALKS, own, walked
 
 HEIGHTS = {"t": 0.0, "a": -(0.5**0.5), "straight": -1.0}  # of a bone of length 1 that points along the arm
@@ -36,12 +37,36 @@ def test_arms_point_where_the_pose_says(pose: str) -> None:
             assert sign * float(bone[0]) >= -1e-9
 
 
-def test_a_body_without_arms_is_told_so() -> None:
+def nameless(uneven: float = 1.0) -> Take:
+    """uneven: by how much its left arm is longer than the right one."""
     take = full_body(own())
+    skeleton = take.clip.skeleton
+    offsets = skeleton.offsets.clone()
+    offsets[JOINTS.index("left_elbow")] *= uneven
     names = tuple(f"j{k}" for k in range(22))
-    bare = replace(take, clip=replace(take.clip, skeleton=replace(take.clip.skeleton, names=names, end_sites={})))
+    return replace(
+        take, clip=replace(take.clip, skeleton=replace(skeleton, names=names, offsets=offsets, end_sites={}))
+    )
+
+
+def test_arms_without_names_are_found_by_their_shape() -> None:
+    posed = with_rest_pose(nameless(), "t").clip.skeleton
+    known = with_rest_pose(full_body(own()), "t").clip.skeleton
+    torch.testing.assert_close(posed.offsets, known.offsets)
+
+
+def test_arms_that_cannot_be_told_are_told_so() -> None:
     with pytest.raises(HopdiffError, match="arms of this skeleton"):
-        with_rest_pose(bare, "t")
+        with_rest_pose(nameless(uneven=2.0), "t")
+
+
+def test_a_body_without_arms_stays_as_it_is() -> None:
+    take = full_body(own())
+    skeleton = take.clip.skeleton
+    body = without(skeleton, "left_collar", "right_collar")
+    kept = [skeleton.index(name) for name in body.names]
+    bare = replace(take, clip=replace(take.clip, skeleton=body, rotations=take.clip.rotations[:, kept]))
+    assert torch.equal(with_rest_pose(bare, "t").clip.skeleton.offsets, body.offsets)
 
 
 @pytest.mark.parametrize("whole", [False, True])

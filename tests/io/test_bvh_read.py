@@ -98,6 +98,7 @@ WRITINGS: dict[str, str | bytes] = {
         r"\b(?:HIERARCHY|ROOT|JOINT|OFFSET|CHANNELS|MOTION)\b", lambda m: m.group().lower(), PLAIN
     ),
     "odd keywords": swapped(("End Site", "END SITE"), ("Frames:", "FRAMES :"), ("Frame Time:", "frame time:")),
+    "end sites in a word": swapped(("End Site", "EndSite")),
     "named end sites": swapped(("End Site", "End Site Tip of it")),
     "CRLF": PLAIN.replace("\n", "\r\n"),
     "CR": PLAIN.replace("\n", "\r"),
@@ -441,8 +442,9 @@ def test_joints_that_move_against_their_parents_can_be_edited(tmp_path: Path) ->
         (PLAIN[: PLAIN.index("Frame Time:")], "FILE, line 32: the file ends before Frame Time: and a number."),
         (PLAIN[: PLAIN.index("1.5000")], "FILE, line 31: the file says that it has 3 frames, but holds 0."),
         (PLAIN[:-50], "FILE, line 35: 9 numbers stand here, but a frame has 15."),
-        (PLAIN[: PLAIN.index("\n3.5")], "FILE, line 31: the file says that it has 3 frames, but holds 2."),
-        (swapped(("Frames: 3", "Frames: 2")), "FILE, line 31: the file says that it has 2 frames, but holds 3."),
+        (PLAIN[: PLAIN.index("\n2.5")], "FILE, line 31: the file says that it has 3 frames, but holds 1."),
+        (swapped(("Frames: 3", "Frames: 1")), "FILE, line 31: the file says that it has 1 frame, but holds 3."),
+        (swapped(("Frames: 3", "Frames: 5")), "FILE, line 31: the file says that it has 5 frames, but holds 3."),
         (swapped(("Frames: 3", "Frames: 0")), "FILE, line 31: the file says that it has no frames."),
         (swapped(("Frames: 3", "Frames: -3")), "FILE, line 31: the number of frames cannot be '-3'."),
         (swapped(("Frames: 3", "Frames: 3.5")), "FILE, line 31: the number of frames cannot be '3.5'."),
@@ -457,6 +459,9 @@ def test_joints_that_move_against_their_parents_can_be_edited(tmp_path: Path) ->
         (swapped(("91.0000", "1e999")), "FILE, line 34: '1e999' is too large."),
         (swapped(("91.0000", "91,0")), "FILE, line 34: '91,0' is not a number."),
         (swapped(("91.0000", "9-1")), "FILE, line 34: '9-1' is not a number."),
+        (swapped(("91.0000", "9.1-2.0")), "FILE, line 34: '9.1-2.0' is not a number."),
+        (swapped(("91.0000 4.0000 3.0000", "91.0000-4-3")), "FILE, line 34: '91.0000-4-3' is not a number."),
+        (swapped(("91.0000 4.0000", "91.0000-4.0x")), "FILE, line 34: '91.0000-4.0x' is not a number."),
         (swapped(("91.0000", "9.1.0")), "FILE, line 34: '9.1.0' is not a number."),
         (swapped(("91.0000", "0x91")), "FILE, line 34: '0x91' is not a number."),
         (swapped(("91.0000", "9_1")), "FILE, line 34: '9_1' is not a number."),
@@ -496,6 +501,39 @@ def test_joints_that_move_against_their_parents_can_be_edited(tmp_path: Path) ->
 )
 def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, text: str | bytes, message: str) -> None:
     assert refused(saved(tmp_path, text)).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("text", "frames", "note"),
+    [
+        (swapped(("Frames: 3", "Frames: 2")), 3, "line 31 says that there are 2 frames, but 3 were found and read."),
+        (swapped(("Frames: 3", "Frames: 4")), 3, "line 31 says that there are 4 frames, but 3 were found and read."),
+        (PLAIN[: PLAIN.index("\n3.5")], 2, "line 31 says that there are 3 frames, but 2 were found and read."),
+        (swapped(("91.0000 4", "91.0000+4")), 3, "line 34 lacks a blank: '91.0000+4.0000' was read as 2 numbers."),
+        (
+            swapped((" -30.0000", "-30.0000"), (" -1.0000", "-1.0000"), (" -20.0000", "-20.0000")),
+            3,
+            "line 33 lacks a blank: '11.0000-30.0000' was read as 2 numbers, and 2 more like it.",
+        ),
+        (swapped((" -8.0000", "e0-8.0000")), 3, "line 33 lacks a blank: '4.0000e0-8.0000' was read as 2 numbers."),
+    ],
+)
+def test_small_mistakes_are_mended_and_told(tmp_path: Path, text: str, frames: int, note: str) -> None:
+    file = read_bvh(saved(tmp_path, text))
+    assert file.notes == (note,)
+    known = read_bvh(saved(tmp_path, PLAIN, "plain.bvh")).values[:frames]
+    assert torch.equal(file.values, known)
+    file.write(tmp_path / "b.bvh")
+    again = read_bvh(tmp_path / "b.bvh")
+    assert again.notes == ()
+    assert torch.equal(again.values, known)
+
+
+@pytest.mark.parametrize("name", ["End", "EndSite1", "End Site", "Site", "JOINT", "OFFSET", "CHANNELS 3", "Frames: 3"])
+def test_joints_may_be_called_like_words_of_the_format(tmp_path: Path, name: str) -> None:
+    file = read_bvh(saved(tmp_path, PLAIN.replace("JOINT LeftFoot", f"JOINT {name}")))
+    assert [joint.name for joint in file.joints] == ["Hips", "LeftLeg", name, "Head"]
+    assert file.joints[2].end_sites == ((0.0, -45.0, 12.0),)
 
 
 def test_lines_are_counted_as_editors_count_them(tmp_path: Path) -> None:

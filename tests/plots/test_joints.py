@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from hopdiff.geometry.joint_names import side_of
 from hopdiff.geometry.skeleton import Skeleton
-from hopdiff.plots.joints import Bones, points_of, side_of
+from hopdiff.plots.joints import Bones, points_of
 from hopdiff.types import HopdiffError
 from tests.people import clip_of
 from tests.plots.conftest import make_skeleton
