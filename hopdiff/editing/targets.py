@@ -16,6 +16,9 @@ from hopdiff.types import HopdiffError
 
 TURNS = ("nearest", "left", "right")
 FEWEST_FRAMES = 3
+MOST_PACE = 2.5  # times the speed of the clip that is asked for at most
+WALKED, RUN = 2.0, 12.0  # m/s that anybody can walk, and that nobody exceeds
+SLACK = 0.3  # m that a body may be moved without a step
 AGREE = 1e-6  # m and rad within which two constraints on one frame say the same
 
 
@@ -83,6 +86,31 @@ def edit_path(
         bool(found.converged[0]),
         {"set_up": 1e3 * (ready - begun), "solve": 1e3 * (done - ready)},
     )
+
+
+def check_reach(path: RootPath, constraints: Sequence[Constraint], frame_time: float) -> None:
+    """Raises HopdiffError, with the way that is possible, for bound frames that nobody could get to in their time.
+
+    That is faster than MOST_PACE times the fastest second of the clip, or what anybody walks, and never faster than
+    anybody runs.
+    """
+    count = min(path.frames - 1, max(1, round(1.0 / frame_time)))
+    steps = path.place.diff(dim=0).norm(dim=-1)
+    walked = torch.cat((torch.zeros_like(steps[:1]), steps.cumsum(0)))
+    pace = float((walked[count:] - walked[:-count]).max()) / (count * frame_time)
+    pace = min(max(MOST_PACE * pace, WALKED), RUN)
+    before, place = 0, path.place[0]
+    for one in sorted((c for c in constraints if c.place is not None), key=lambda c: c.frame):
+        here = torch.tensor(one.place, dtype=path.place.dtype)
+        if one.frame > before:
+            gap, most = float((here - place).norm()), pace * (one.frame - before) * frame_time + SLACK
+            if gap > most:
+                raise HopdiffError(
+                    f"frame {one.frame} cannot be at [{here[0]:g}, {here[1]:g}]: that is {gap:.1f} m from where frame"
+                    f" {before} is, and in {(one.frame - before) * frame_time:.2f} s this clip can get {most:.1f} m far"
+                    f" at most."
+                )
+        before, place = one.frame, here
 
 
 def targets_of(path: RootPath, constraints: Sequence[Constraint], turn: str = "nearest") -> Targets:

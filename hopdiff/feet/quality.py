@@ -102,7 +102,7 @@ def _sentence(name: str, value: float, frame: int, joint: str) -> str:
     return {
         "first_pose_error": f"the first pose is {1000 * value:.1f} mm off the clip's.",
         "last_pose_error": f"the last pose is {1000 * value:.1f} mm off the clip's.",
-        "root_drop": f"around frame {frame} the body comes down by {100 * value:.0f} cm: the steps are too long for it.",
+        "root_drop": f"around frame {frame} the body comes down by {100 * value:.0f} cm, as its steps are too long.",
         "foot_float": f"a standing foot floats {100 * value:.1f} cm above the ground.",
         "foot_sink": f"a standing foot sinks {100 * value:.1f} cm into the ground.",
         "joint_speed_ratio": f"{joint} moves {times} as fast as anything in the clip, around frame {frame}.",
@@ -137,7 +137,8 @@ def _rate(places: Tensor, frame_time: float, order: int) -> Tensor:
         if len(found) <= apart:
             return places.new_zeros(0, places.shape[1])
         found = (found[apart:] - found[:-apart]) / (apart * frame_time)
-    return found.norm(dim=-1)
+    sizes: Tensor = found.norm(dim=-1)
+    return sizes
 
 
 def _ratio(new: Tensor, old: Tensor) -> float:

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from hopdiff.feet.track import LegTrack
+from hopdiff.feet.track import LegTrack, smooth_step
 
 REACH = 0.99  # of the leg's length: as far as a foot is put, unless the source goes farther
 SOFT = 0.93  # of the leg's length: from here on a leg stretches less and less
@@ -28,7 +28,8 @@ def softened(track: LegTrack, distance: Tensor, soft: Tensor | float = SOFT) -> 
     low = torch.maximum(track.span, torch.as_tensor(soft, dtype=length.dtype)) * length
     high = torch.maximum(longest(track), low + 1e-4 * length)
     more = (distance - low).clamp_min(0.0)
-    return torch.minimum(distance, low) + (high - low) * (1.0 - torch.exp(-more / (high - low)))
+    found: Tensor = torch.minimum(distance, low) + (high - low) * (1.0 - torch.exp(-more / (high - low)))
+    return found
 
 
 def heel_angle(hip: Tensor, ankle: Tensor, ball: Tensor, axis: Tensor, reach: Tensor) -> Tensor:
@@ -65,8 +66,8 @@ def most_heel(hip: Tensor, ball: Tensor, axis: Tensor) -> Tensor:
     x, _, z = axis.unbind(-1)
     ahead = functional.normalize(torch.stack((-z, x), dim=-1), dim=-1)
     before = ((hip - ball)[..., [0, 2]] * ahead).sum(-1)
-    share = ((before - BEHIND[0]) / (BEHIND[1] - BEHIND[0])).clamp(0.0, 1.0)
-    return HEEL * share**2 * (3.0 - 2.0 * share)
+    share = (before - BEHIND[0]) / (BEHIND[1] - BEHIND[0])
+    return HEEL * smooth_step(share)
 
 
 def lacking(

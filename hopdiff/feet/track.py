@@ -57,12 +57,14 @@ class LegTrack:
     @cached_property
     def length(self) -> Tensor:
         """(T,) of the leg, stretched out."""
-        return (self.knee - self.hip).norm(dim=-1) + (self.ankle - self.knee).norm(dim=-1)
+        found: Tensor = (self.knee - self.hip).norm(dim=-1) + (self.ankle - self.knee).norm(dim=-1)
+        return found
 
     @cached_property
     def span(self) -> Tensor:
         """(T,) from hip to ankle, as a share of the leg's length."""
-        return (self.ankle - self.hip).norm(dim=-1) / self.length
+        found: Tensor = (self.ankle - self.hip).norm(dim=-1) / self.length
+        return found
 
 
 def leg_tracks(clip: Clip, legs: Sequence[Leg]) -> list[LegTrack]:

@@ -44,7 +44,7 @@ def build(call: Call) -> Work:
     if own.clip is not None:
         file = read_bvh(own.clip, own.edit.unit, own.edit.up)
         source = source_of(file.clip(), Path(own.clip).name, own.edit, request, file)
-        done = edit(source, request, own.edit)
+        done = edit(source, request, own.edit, ground)
         return lambda folder: write(folder, done, request, call, ground)
     job = call.job()
 
@@ -54,7 +54,7 @@ def build(call: Call) -> Work:
         folder.interrupted = run.interrupted
         name = f"run_v{run.metrics['speed']:g}_beta{run.metrics['beta']:g}"
         made = source_of(run.clip, name, own.edit, request, None)
-        write(folder, edit(made, request, own.edit), request, call, ground)
+        write(folder, edit(made, request, own.edit, ground), request, call, ground)
 
     return work
 

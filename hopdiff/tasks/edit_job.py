@@ -12,12 +12,14 @@ from hopdiff.editing.loop import is_loop, repeated
 from hopdiff.editing.measure import path_measures
 from hopdiff.editing.paper import edit_path_as_paper
 from hopdiff.editing.root_path import RootPath, root_path, with_root_path
-from hopdiff.editing.targets import Constraint, EditedPath, edit_path
+from hopdiff.editing.targets import Constraint, EditedPath, check_reach, edit_path
 from hopdiff.feet.contacts import Contacts, find_contacts, slide_numbers
 from hopdiff.feet.planting import clean_feet
+from hopdiff.feet.quality import quality_of, standing_numbers
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import BvhFile
 from hopdiff.tasks.edit_request import EditSettings, Request
+from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
 
 FAR = 1.5  # stretch from which on a warning is given, and below its inverse
@@ -80,19 +82,27 @@ def _repeats(clip: Clip, name: str, settings: EditSettings, request: Request, ow
     return settings.strides if own else 1
 
 
-def edit(source: Source, request: Request, settings: EditSettings) -> Edit:
-    """Edit a clip. Raises HopdiffError, naming the frame or the setting, for what cannot be."""
+def edit(source: Source, request: Request, settings: EditSettings, ground: Ground | None = None) -> Edit:
+    """Edit a clip. ground: what it shall walk on, None for a level one. Raises HopdiffError, naming the frame or the
+    setting, for what cannot be."""
     begun = time.perf_counter()
     clip, before = source.clip, source.path
     guess, constraints = request.constraints(before, clip.frame_time)
+    if ground is not None and ground.flat:
+        ground = None
+    if ground is not None and (source.contacts is None or not settings.feet):
+        raise HopdiffError("ground needs legs that can be told and edit.feet=true: feet are what stands on it.")
+    if request.curve is None:
+        check_reach(before, constraints, clip.frame_time)
     solved = _solved(before, clip.frame_time, constraints, guess, settings)
     after = solved.path
     moved = with_root_path(clip, before, after)
     warnings = _warnings(source, solved, before)
     milliseconds = dict(solved.milliseconds)
-    cleaned, start = moved, time.perf_counter()
+    cleaned, start, planted = moved, time.perf_counter(), None
     if settings.feet and source.contacts is not None:
-        cleaned = clean_feet(clip, moved, source.contacts).clip
+        planted = clean_feet(clip, moved, source.contacts, ground)
+        cleaned = planted.clip
         milliseconds["feet"] = 1e3 * (time.perf_counter() - start)
     milliseconds["all"] = 1e3 * (time.perf_counter() - begun)
     metrics: dict[str, Any] = {
@@ -113,8 +123,13 @@ def edit(source: Source, request: Request, settings: EditSettings) -> Edit:
         **{f"ms_{name}": value for name, value in milliseconds.items()},
     }
     if source.contacts is not None:
-        for stage, one in (("source", clip), ("edited", moved), ("cleaned", cleaned)):
+        for stage, one in (("source", clip), ("edited", moved)):
             metrics |= {f"{name}_{stage}": value for name, value in slide_numbers(one, source.contacts).items()}
+    if source.contacts is not None and planted is not None:
+        metrics |= {f"{name}_cleaned": value for name, value in standing_numbers(planted, source.contacts).items()}
+        quality = quality_of(clip, planted, source.contacts, ground)
+        metrics |= quality.numbers
+        warnings += quality.sentences
     return Edit(source, constraints, solved, moved, cleaned, warnings, metrics)
 
 
