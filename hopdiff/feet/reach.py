@@ -67,7 +67,8 @@ def most_heel(hip: Tensor, ball: Tensor, axis: Tensor) -> Tensor:
     ahead = functional.normalize(torch.stack((-z, x), dim=-1), dim=-1)
     before = ((hip - ball)[..., [0, 2]] * ahead).sum(-1)
     share = (before - BEHIND[0]) / (BEHIND[1] - BEHIND[0])
-    return HEEL * smooth_step(share)
+    found: Tensor = HEEL * smooth_step(share)
+    return found
 
 
 def lacking(
