@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -112,11 +113,19 @@ def test_nothing_asked_is_an_eighth_of_a_turn(tmp_path: Path, monkeypatch: pytes
     assert x == pytest.approx(z, rel=0.01)
 
 
-def test_a_target_far_away_works_and_warns(
+def test_a_target_out_of_reach_is_refused_with_the_way_that_is_possible(
     walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert command(monkeypatch, tmp_path / "run", f"clip={walk}", "target.position=[0,100]", "pictures=false") == 0
-    assert "times as long in the same time" in capsys.readouterr().out
+    assert command(monkeypatch, tmp_path / "run", f"clip={walk}", "target.position=[1000,4000]") == 1
+    said = capsys.readouterr().err
+    assert "frame 73 cannot be at [1000, 4000]" in said
+    most = float(re.search(r"can get ([0-9.]+) m far", said)[1])  # type: ignore[index]
+    assert not (tmp_path / "run" / "edited.bvh").exists()
+    possible = f"target.position=[0,{0.9 * most:.1f}]"
+    assert command(monkeypatch, tmp_path / "run", f"clip={walk}", possible, "pictures=false") == 0
+    told = capsys.readouterr().out
+    assert "times as long in the same time" in told
+    assert "as fast as anything in the clip" in told
     assert metrics(tmp_path / "run")["error_place"] < 1e-3
 
 
