@@ -14,7 +14,7 @@ from experiments.edits.judge import Bound, Height
 ASIDE, MOST_ASIDE = 0.3, 1.5  # of the way walked, and m
 WANDERS = 0.25  # of the way walked: a clip whose ends are nearer to each other wanders
 PIECES = 8  # of the way of a clip that wanders, bound where it is made longer or shorter
-SLOPE_DEG, RISE, RUN = 10.0, 0.17, 0.29
+SLOPE_DEG, RISE, RUN, STEPS = 10.0, 0.17, 0.29, 10
 
 
 @dataclass(frozen=True)
@@ -186,17 +186,29 @@ def two_apart(way: Way) -> Ask:
     return Ask((*early.words, *late.words), (*early.bound, *late.bound))
 
 
+def uphill(way: Way, ask: Ask, before: float, *words: str) -> tuple[Ask, Height]:
+    """An edit on ground that rises where the way goes first, some metres after its start; and how far along that a
+    place is."""
+    ahead = way.net if not way.wanders else way.ahead(0)
+    ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
+    x, z = way.place[0] + before * ahead
+    heading = math.degrees(math.atan2(ahead[0], ahead[1]))
+    start = (f"ground.start=[{x:.9g},{z:.9g}]", f"ground.heading={heading:.9g}")
+    return Ask((*ask.words, *words, *start), ask.bound), lambda p, q: (p - x) * ahead[0] + (q - z) * ahead[1]
+
+
 def slope(way: Way) -> Ask:
-    """Uphill along z."""
-    ask = turned(way, np.zeros(2), 0.0, "ground=slope", f"ground.angle={SLOPE_DEG:g}")
+    """As far as before, uphill."""
+    ask, along = uphill(way, turned(way, np.zeros(2), 0.0), 0.5, "ground=slope", f"ground.angle={SLOPE_DEG:g}")
     steep = math.tan(math.radians(SLOPE_DEG))
-    return Ask(ask.words, ask.bound, lambda x, z: steep * z)
+    return Ask(ask.words, ask.bound, lambda x, z: steep * np.maximum(along(x, z), 0.0))
 
 
 def stairs(way: Way) -> Ask:
-    """Up along z."""
-    ask = turned(way, np.zeros(2), 0.0, "ground=stairs", f"ground.rise={RISE:g}", f"ground.run={RUN:g}")
-    return Ask(ask.words, ask.bound, lambda x, z: RISE * np.floor(z / RUN))
+    """Half as far as before, as people shorten their steps on stairs, and up."""
+    words = ("ground=stairs", f"ground.rise={RISE:g}", f"ground.run={RUN:g}", f"ground.steps={STEPS}")
+    ask, along = uphill(way, scaled(way, 0.5), 0.5, *words)
+    return Ask(ask.words, ask.bound, lambda x, z: RISE * np.clip(np.floor(along(x, z) / RUN) + 1.0, 0.0, STEPS))
 
 
 KINDS: dict[str, Callable[[Way], Ask]] = {

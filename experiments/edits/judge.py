@@ -102,7 +102,7 @@ def judge(
         raise ValueError(f"{edited.frames} frames, {source.frames} in the source")
     level: Height = ground or (lambda x, z: np.zeros_like(x))
     floor = Floor.of(source)
-    own = contacts(edited)
+    own = contacts(edited, level)
     touching = contacts(source)
     touching &= ~stepping(edited, own, floor, level)
     mover = source.mover
@@ -204,17 +204,19 @@ class Floor:
         return Floor(np.quantile(body.places[:, points, 1], 0.05, axis=0))
 
 
-def contacts(body: Body) -> Flags:
-    """(T, C) when points of the feet stand: low over their floor round about, and still, for a while."""
+def contacts(body: Body, level: Height | None = None) -> Flags:
+    """(T, C) when points of the feet stand: low over their floor round about, and still, for a while. level: of the
+    ground, where it is known."""
     points = [point for leg in body.legs for point in leg.feet]
     feet, step = body.places[:, points], body.frame_time
+    above = feet[..., 1] if level is None else feet[..., 1] - level(feet[..., 0], feet[..., 2])
     leg = body.legs[0]
     length = float(np.linalg.norm(np.diff(body.places[0, [leg.hip, leg.knee, leg.ankle]], axis=0), axis=-1).sum())
     wide = 2 * max(1, round(0.5 * AROUND / step)) + 1
-    floor = percentile_filter(feet[..., 1], 5, size=(wide, 1), mode="nearest")
+    floor = percentile_filter(above, 5, size=(wide, 1), mode="nearest")
     way = np.linalg.norm(np.diff(body.places[:, body.mover, ::2], axis=0), axis=-1).sum()
     still = max(STILL, HASTE * float(way) / max(step * (body.frames - 1), step))
-    low = feet[..., 1] - floor < LOW * length / LEG
+    low = above - floor < LOW * length / LEG
     found = low & (pace(feet, step) < still)
     return np.stack([lasting(column, step) for column in found.T], axis=1)
 

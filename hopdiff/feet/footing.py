@@ -48,6 +48,7 @@ class Footing:
         half = 0.5 * (FOOT if arm is None else float(arm.norm(dim=-1).mean()))
         self.ahead, self.behind = half + TOES, half + HEEL
         self.prints, rises, tilts, centres = [], [], [], []
+        ends = [(one.first, one.last) for one in prints]
         for one in prints:
             move = one.move if one.move.turn.dim() == 0 else one.move.at(len(one.move.turn) // 2)
             centre = move(middle[one.frames].mean(dim=0))[[0, 2]]
@@ -62,13 +63,18 @@ class Footing:
             tilts.append(torch.stack((normal[2], torch.zeros_like(normal[0]), -normal[0])))
             centres.append(centre)
         own = edit(middle)[:, [0, 2]]
-        if prints:
-            self.rise = between(prints, torch.stack(rises), len(own))
-            self.tilt = between(prints, torch.stack(tilts), len(own))
-            self.centre = between(prints, torch.stack(centres), len(own))
-        else:
-            self.rise = ground.mean_height(own, REACH) - level
-            self.tilt, self.centre = torch.zeros(len(own), 3, dtype=torch.float64), own
+        # A foot that is in the air at an end of the clip is as high there as the ground below it.
+        last = len(own) - 1
+        for frame, place in ((0, 0), (last, len(self.prints))):
+            if not any(one.first <= frame <= one.last for one in prints):
+                here = ground.mean_height(own[frame], REACH) - level[frame]
+                rises.insert(place, here)
+                tilts.insert(place, torch.zeros(3, dtype=torch.float64))
+                centres.insert(place, own[frame])
+                ends.insert(place, (frame, frame))
+        self.rise = between(ends, torch.stack(rises), len(own))
+        self.tilt = between(ends, torch.stack(tilts), len(own))
+        self.centre = between(ends, torch.stack(centres), len(own))
 
     def lifted(self, ankle: Tensor, frame: Tensor, stands: Tensor, frame_time: float) -> tuple[Tensor, Tensor]:
         """The way of an ankle (T, 3) on level ground [m] and the turns (T, 3, 3) of its foot, on this ground."""
@@ -96,17 +102,19 @@ class Footing:
 def body_rise(feet: Sequence[Footing], frame_time: float) -> Tensor:
     """(T,) by how much a body is lifted that follows the ground under its feet [m]."""
     mean = torch.stack([foot.rise for foot in feet]).mean(dim=0)
-    smooth = gaussian_filter1d(mean.numpy(), FOLLOW / frame_time, mode="nearest")
-    return torch.from_numpy(smooth)
+    smooth = torch.from_numpy(gaussian_filter1d(mean.numpy(), FOLLOW / frame_time, mode="nearest"))
+    # The first pose stays on its feet.
+    times = torch.arange(len(mean), dtype=torch.float64) * frame_time
+    return smooth + (mean[0] - smooth[0]) * smooth_step(1.0 - times / (3.0 * FOLLOW))
 
 
-def between(prints: Sequence[FootPrint], values: Tensor, frames: int) -> Tensor:
-    """(T, ...) values (K, ...) of prints: the same all through a contact, and from one to the next without a corner."""
-    firsts = torch.tensor([one.first for one in prints], dtype=torch.float64)
-    lasts = torch.tensor([one.last for one in prints], dtype=torch.float64)
+def between(plants: Sequence[tuple[int, int]], values: Tensor, frames: int) -> Tensor:
+    """(T, ...) values (K, ...) of contacts from first to last frame: the same all through one, and from one to the next
+    without a corner."""
+    firsts, lasts = torch.tensor(plants, dtype=torch.float64).unbind(-1)
     times = torch.arange(frames, dtype=torch.float64)
     before = (torch.searchsorted(firsts, times, right=True) - 1).clamp_min(0)
-    after = (before + 1).clamp_max(len(prints) - 1)
+    after = (before + 1).clamp_max(len(plants) - 1)
     gap = (firsts[after] - lasts[before]).clamp_min(1.0)
     share = torch.where(after > before, smooth_step((times - lasts[before]) / gap), torch.zeros_like(times))
     return torch.lerp(values[before], values[after], share.reshape(-1, *[1] * (values.dim() - 1)))
