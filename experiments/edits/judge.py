@@ -110,7 +110,9 @@ def judge(
     rest = [k for k in range(source.places.shape[1]) if k not in legs]
     moved, old_moved = places_of(edited, touching), places_of(source, touching)
     rise = level(edited.places[..., 0], edited.places[..., 2])
-    drop = source.places[:, mover, 1] - edited.places[:, mover, 1] + rise[:, mover]
+    # A body is as high as the ground under its feet has it.
+    under = rise[:, [point for leg in source.legs for point in leg.feet]].mean(axis=1)
+    drop = source.places[:, mover, 1] - edited.places[:, mover, 1] + under
     lifted = np.concatenate([rise[:, leg.feet] for leg in source.legs], axis=1)
     off = moved[..., 1] - lifted - old_moved[..., 1]
     speed, jerk = paces(edited), jerks(edited)

@@ -41,8 +41,8 @@ class Quality:
 def quality_of(source: Clip, planted: Planted, contacts: Contacts, ground: Ground | None = None) -> Quality:
     """How a planted clip compares with its source.
 
-    first_pose_error, last_pose_error: farthest that a joint is from where the source's is, the last pose seen from the
-    root [m]. root_drop: farthest that the root comes down against the source, less what the ground does [m].
+    first_pose_error, last_pose_error: farthest that a joint is from where the source's is, seen from the root [m]; legs
+    are left out on uneven ground, where they stand otherwise. root_drop: farthest that the root comes down against the source, less what the ground does [m].
     foot_float, foot_sink: farthest that a point of a standing foot is above or below its height in the source, over the
     ground [m]. joint_speed_ratio, joint_acceleration_ratio: largest of any joint, seen from the root, against the
     source's largest. hyperextension_deg: largest bend of a knee beyond straight, more than the source's. given_up:
@@ -60,12 +60,11 @@ def quality_of(source: Clip, planted: Planted, contacts: Contacts, ground: Groun
     tracks = zip(leg_tracks(clip, contacts.legs), leg_tracks(source, contacts.legs), strict=True)
     beyond = [(new, _straight(new, was) - _straight(was, was)) for new, was in tracks]
     stood = planted.touching | planted.given_up
-    first = old[0] if ground is None else old[0] + (places[0] - old[0])[:1]
     rest = torch.ones(places.shape[1], dtype=torch.bool)
     if ground is not None:
         rest[[k for leg in contacts.legs for k in _below(clip, leg.hip)]] = False
     numbers = {
-        "first_pose_error": float((places[0] - first)[rest].norm(dim=-1).max()),
+        "first_pose_error": float((seen[0] - old_seen[0])[rest].norm(dim=-1).max()),
         "last_pose_error": float((seen[-1] - old_seen[-1])[rest].norm(dim=-1).max()),
         "root_drop": float(drop.max()),
         "foot_float": float(off.max().clamp_min(0.0)) if off.numel() else 0.0,

@@ -10,12 +10,12 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from hopdiff.feet.reach import EASY, SOFT, STRETCHED, heel_up, lacking, longest, most_heel, softened, turned_up
+from hopdiff.feet.reach import EASY, EDGE, SOFT, STRETCHED, heel_up, lacking, longest, most_heel, softened, turned_up
 from hopdiff.feet.track import LegTrack, bent, smooth_step
 from hopdiff.geometry.rotation import rotation_about
 
 SETTLING = 0.3  # s in which the root is lowered and raised again
-LANDING = 0.1  # s around a contact in which a leg stretches as in it
+LANDING, LANDED = 0.1, 0.06  # s before and after a contact begins or ends in which a leg stretches more and more
 HEEL_RAMP = 0.15  # s around a contact in which a heel is raised as in it
 
 
@@ -81,8 +81,10 @@ class FootWay:
         # A foot in the air is drawn in rather than stretched for.
         gap = ankle - hip
         distance = gap.norm(dim=-1)
-        near = smooth_step(1.0 - apart(self.stands) * self.frame_time / LANDING)
-        drawn = softened(track, distance, SOFT + near * (STRETCHED - SOFT))
+        landing = smooth_step(1.0 - apart(self.stands) * self.frame_time / LANDING)
+        landed = smooth_step((apart(~self.stands) - 1.0) * self.frame_time / LANDED)
+        soft = torch.where(self.stands, landed * (STRETCHED - EDGE) + EDGE, landing * (EDGE - SOFT) + SOFT)
+        drawn = softened(track, distance, soft)
         ankle = hip + gap * (drawn / distance.clamp_min(1e-9))[:, None]
         bent(track, rotations, turn, hip, ankle, foot, toe)
 
