@@ -28,6 +28,7 @@ from hopdiff.plots.rooms import rooms_figure
 from hopdiff.plots.sticks import sticks_figure
 from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.results import shown, write_pictures
+from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
 
 
@@ -84,7 +85,7 @@ def build(call: Call) -> Work:
     way = find_way(graph, scene, start, goal, own.way)
 
     def work(folder: RunFolder) -> None:
-        walk, feet = _with_clean_feet(way)
+        walk, feet = _with_clean_feet(way, ground)
         numbers = {
             "scene": scene.name,
             "clips": list(own.clips),
@@ -129,13 +130,13 @@ def place_of(what: str, given: Any, scene: Scene) -> Place:
     return Place((float(numbers[0]), float(numbers[1])), math.radians(float(numbers[2])))
 
 
-def _with_clean_feet(way: Way) -> tuple[Way, dict[str, float]]:
+def _with_clean_feet(way: Way, ground: Ground) -> tuple[Way, dict[str, float]]:
     """The walk with feet that stand still, which blends do not leave them, and how still that is."""
     legs = find_legs(way.graph_clip.skeleton)
     if not legs:
         return way, {}
     contacts = find_contacts(way.graph_clip, legs)
-    clean = clean_feet(way.graph_clip, way.clip, contacts, still=True).clip
+    clean = clean_feet(way.graph_clip, way.clip, contacts, ground, still=True).clip
     stages = {"graph": way.graph_clip, "edited": way.clip, "cleaned": clean}
     numbers = {
         f"{name}_{stage}": value
