@@ -23,7 +23,7 @@ from hopdiff.io.bvh import read_bvh
 from hopdiff.io.events import write_events
 from hopdiff.io.record import write_json
 from hopdiff.io.run_folder import Note, RunFolder
-from hopdiff.messages import say, unknown
+from hopdiff.messages import say, typed_names, unknown
 from hopdiff.plots.rooms import rooms_figure
 from hopdiff.plots.sticks import sticks_figure
 from hopdiff.tasks.base import Call, Task, Work
@@ -76,7 +76,7 @@ def build(call: Call) -> Work:
         raise HopdiffError("task=navigate needs clips=[FILE,...], BVH files of one skeleton to walk with.")
     own.way.check()
     scene = read_scene(scene_file(own.scene, config_folder() / "scenes"))
-    ground = build_ground(own.ground)
+    ground = ground_of(call, scene)
     start, goal = (place_of(what, one, scene) for what, one in (("start", own.start), ("goal", own.goal)))
     files = [read_bvh(name) for name in own.clips]
     begun = time.perf_counter()
@@ -116,6 +116,17 @@ def build(call: Call) -> Work:
         say(summary(folder.path, numbers, notes))
 
     return work
+
+
+def ground_of(call: Call, scene: Scene) -> Ground:
+    """The ground that is chosen, or else that of the scene. Raises HopdiffError, naming the setting or the scene."""
+    chosen: Mapping[str, Any] = call.own.ground
+    if not scene.ground or chosen["kind"] != "flat" or "ground" in typed_names(call.command):
+        return build_ground(chosen)
+    try:
+        return build_ground(scene.ground)
+    except HopdiffError as error:
+        raise HopdiffError(f"scene {scene.name}: {error}") from error
 
 
 def place_of(what: str, given: Any, scene: Scene) -> Place:
