@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import Leg, find_legs
+from hopdiff.effort.metrics import standing_feet
 from hopdiff.feet.contacts import Contacts, contact_points, find_contacts, slide_numbers
 from hopdiff.feet.planting import clean_feet
 from hopdiff.geometry.clip import Clip
@@ -36,7 +37,7 @@ def on_ground(motion: Motion, ground: Ground) -> Raised:
     the pelvis to the highest [m]; ground_lowered, by how much that is lowered at most, where legs are too short [m];
     ground_given_up, share of the contacts' frames in which a foot cannot reach its place; ground_depth, ground_gap:
     deepest that a standing point of a foot is in the ground, and highest above it [m]; foot_slide_max: longest way of
-    one over the ground [m]; min_foot_clearance: of all feet above the ground [m].
+    the point that a foot stands on over the ground [m]; min_foot_clearance: of all feet above the ground [m].
     """
     if ground.flat:
         return Raised(motion, {})
@@ -61,6 +62,10 @@ def on_ground(motion: Motion, ground: Ground) -> Raised:
     off = ground.above(contact_points(planted.clip, contacts)) - contacts.heights()
     standing = contacts.touching & planted.touching[:, [leg for leg, _ in contacts.points]]
     held = off[standing]
+    if cop is None:
+        slide = slide_numbers(planted.clip, replace(contacts, touching=standing))["drift"]
+    else:
+        slide = standing_feet(raised)["foot_slip"]
     heights = ground.height(clip.root_position[:, [0, 2]])
     return Raised(
         raised,
@@ -70,7 +75,7 @@ def on_ground(motion: Motion, ground: Ground) -> Raised:
             "ground_given_up": float(planted.given_up.sum()) / max(1, int(motion.contact.sum())),
             "ground_depth": max(0.0, -float(held.min())) if len(held) else 0.0,
             "ground_gap": max(0.0, float(held.max())) if len(held) else 0.0,
-            "foot_slide_max": slide_numbers(planted.clip, replace(contacts, touching=standing))["drift"],
+            "foot_slide_max": slide,
             "min_foot_clearance": float(ground.above(feet).min()),
         },
     )

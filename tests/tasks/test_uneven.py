@@ -77,6 +77,7 @@ def test_feet_stand_on_the_ground(model: str, ground: Ground) -> None:
     assert numbers["ground_gap"] < 0.02
     assert numbers["ground_given_up"] < 0.1
     assert numbers["ground_lowered"] < 0.08
+    assert numbers["foot_slide_max"] < 0.015
     # Where feet stand, where they did; others are only a few frames shorter.
     assert not (raised.motion.contact & ~motion.contact).any()
     # Measured anew: heights of points that stand, above the ground below them.
@@ -85,7 +86,7 @@ def test_feet_stand_on_the_ground(model: str, ground: Ground) -> None:
     for k, (leg, _) in enumerate(contacts.points):
         stands = contacts.touching[:, k] & raised.motion.contact[:, SIDES.index(contacts.legs[leg].side)]
         assert above[stands, k].abs().max() < 0.02
-        assert above[~stands, k].min() > -0.02
+        assert above[~stands, k].min() > -0.03
 
 
 @MODELS
@@ -152,7 +153,6 @@ def test_the_points_of_feet_go_with_them() -> None:
 def test_what_is_told_of_the_ground() -> None:
     numbers = on_ground(level_run("smooth"), GROUNDS["stairs"]).numbers
     assert numbers["ground_rise"] == pytest.approx(1.7)
-    assert numbers["foot_slide_max"] < 0.03
     ((name, said),) = ground_rows(numbers)
     assert name == "ground"
     assert said.startswith("rises by 1.70 m;")
