@@ -88,7 +88,7 @@ def steps_in(
         gone = (
             here(middle.expand(last + 1 - first, 3))[:, [0, 2]].diff(dim=0).norm(dim=-1) + ARM * here.turn.diff().abs()
         )
-        gone = torch.cat((torch.zeros_like(gone[:1]), gone.cumsum(0)))
+        gone = torch.cat((gone.new_zeros(1), gone.cumsum(0)))
         count = min(int(float(gone[-1]) / FAR), (last + 1 - first - least) // (gap + least))
         start = first
         for k in range(1, count + 1):

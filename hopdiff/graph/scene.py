@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import shapely
@@ -57,7 +58,8 @@ class Wall:
 class Scene:
     """rooms: outline of the floor of each (K, 2), x and z [m]. Rooms do not overlap: what lies between them is wall.
 
-    furniture: outline of each piece (K, 2) [m]. thickness: of the walls around everything, for pictures [m].
+    furniture: outline of each piece (K, 2) [m]. thickness: of the walls around everything, for pictures [m]. ground:
+    settings of what feet stand on, as of the group `ground`; none where it is flat.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Scene:
     furniture: Mapping[str, Points] = field(default_factory=dict)
     places: Mapping[str, Place] = field(default_factory=dict)
     thickness: float = 0.1
+    ground: Mapping[str, Any] = field(default_factory=dict)
 
     def floor(self) -> Polygon | MultiPolygon:
         """Rooms and passages, with all that stands there."""

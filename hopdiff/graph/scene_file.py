@@ -13,6 +13,9 @@
       bed: [[3, 1], [4.5, 1], [4.5, 3], [3, 3]]
     places:                    # optional: where ways start and end
       start: {position: [1, 1], heading: 90}   # heading: degrees from +z towards +x
+    ground:                    # optional: what feet stand on, with the settings of a file in conf/ground/
+      kind: polygons
+      patches: [{outline: study, height: 0.17}]   # outlines may be names of rooms, passages and furniture
 
 All lengths are metres. Floor that is neither room nor passage is wall; what two rooms leave between them is the
 thickness of that wall, and the way through it a passage as long as the wall is thick.
@@ -23,6 +26,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +38,7 @@ from hopdiff.io.files import read_text
 from hopdiff.messages import near
 from hopdiff.types import HopdiffError
 
-SECTIONS = ("name", "wall_thickness", "rooms", "passages", "walls", "furniture", "places")
+SECTIONS = ("name", "wall_thickness", "rooms", "passages", "walls", "furniture", "places", "ground")
 
 LARGEST = 1_000_000  # characters of a file
 DEEPEST = 20  # lists and mappings inside each other
@@ -129,11 +133,30 @@ class _Reader:
             thickness,
         )
         check_scene(scene, self.said)
-        return scene
+        ground = entries.get("ground")
+        return scene if ground is None else replace(scene, ground=self._ground(ground, scene))
 
     def _section(self, entries: Mapping[str, Any], name: str) -> Iterable[tuple[str, Any]]:
         section = entries.get(name)
         return () if section is None else self._mapping((name,), section).items()
+
+    def _ground(self, data: Any, scene: Scene) -> Mapping[str, Any]:
+        """Settings of a ground, which what builds it checks; names of parts of the scene are replaced by outlines."""
+        entry = dict(self._mapping(("ground",), data))
+        if _is_list(entry.get("patches")):
+            entry["patches"] = [self._patch(one, scene) for one in entry["patches"]]
+        return entry
+
+    def _patch(self, data: Any, scene: Scene) -> Any:
+        name = data.get("outline") if isinstance(data, Mapping) else None
+        if not isinstance(name, str):
+            return data
+        floors = {key: passage.polygon().exterior.coords[:-1] for key, passage in scene.passages.items()}
+        known = {**floors, **scene.furniture, **scene.rooms}
+        if name not in known:
+            said = self.said("ground", "patches")
+            raise HopdiffError(f"{said}ground.patches: there is no {name!r} in the scene.{near(name, known)}")
+        return {**data, "outline": np.asarray(known[name]).tolist()}
 
     def _passage(self, at: tuple[str, str], data: Any) -> Passage:
         keys = ("between", "from", "to", "width")

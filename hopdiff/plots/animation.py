@@ -16,7 +16,7 @@ from hopdiff.plots.body import Body
 from hopdiff.plots.film import Film
 from hopdiff.plots.ground import ground_points, shadow
 from hopdiff.plots.poses import sample
-from hopdiff.plots.relief import laid
+from hopdiff.plots.relief import laid, lying
 from hopdiff.plots.scene import footprints, ground_track, side_camera
 from hopdiff.plots.strip import EDGE, FILL
 from hopdiff.plots.view import Array, Camera, numbers
@@ -80,7 +80,7 @@ def path_film(
     followed = gaussian_filter1d(track, _FOLLOW / motion.clip.frame_time, axis=0, mode="nearest")
     line = laid(ground_points(curve), ground) if curve is not None else track
     top = float((camera.project(points)[..., 1] - camera.project(followed)[:, None, 1]).max()) + _ABOVE
-    prints = [(step, laid(step.outline(), ground)) for step in footprints(motion)]
+    prints = [(step, lying(step.outline(), ground)) for step in footprints(motion)]
 
     def draw(moments: Array, width: int) -> Iterator[Image.Image]:
         at = times[0] + moments

@@ -12,7 +12,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike
 
 from hopdiff.plots import style
-from hopdiff.plots.relief import laid
+from hopdiff.plots.relief import lying
 from hopdiff.plots.view import Array, Camera
 from hopdiff.terrain.ground import Ground
 
@@ -45,7 +45,7 @@ def shadow(pose: Array, ground: Ground | None = None) -> Array:
     """A disc (K, 3) on the ground below the root of a pose: it tells standing from flying."""
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     disc = np.stack((np.cos(angle), np.zeros_like(angle), np.sin(angle)), axis=1)
-    return laid(pose[0] * FLAT + _SHADOW * disc, ground)
+    return lying(pose[0] * FLAT + _SHADOW * disc, ground)
 
 
 def draw_shadows(

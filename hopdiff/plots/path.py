@@ -24,7 +24,7 @@ from hopdiff.plots.ground import (
     oblique_page,
 )
 from hopdiff.plots.poses import sample
-from hopdiff.plots.relief import draw_heights, draw_relief, laid, relief_of
+from hopdiff.plots.relief import draw_heights, draw_relief, laid, lying, relief_of
 from hopdiff.plots.scene import FOOT, Footprint, draw_seen, footprints, ground_track, side_camera
 from hopdiff.plots.view import Array, Camera
 from hopdiff.terrain.ground import Ground
@@ -108,7 +108,7 @@ def oblique_figure(
     figure, axes, scale = oblique_page(camera, seen, sheet, title or _caption(motion, path))
     draw_relief(axes, camera, pieces)
     axes.plot(*camera.project(laid(track, ground))[:, :2].T, color=style.GROUND, linewidth=1.6, zorder=2)
-    _prints(axes, camera, [laid(step.outline(_larger(scale)), ground) for step in prints], prints)
+    _prints(axes, camera, [lying(step.outline(_larger(scale)), ground) for step in prints], prints)
     draw_shadows(axes, camera, poses, ground=ground)
     for order, pose in enumerate(poses[np.argsort(camera.nearness(poses[:, 0]))]):
         draw_seen(axes, body, pose, camera, order=3 + 0.01 * order)

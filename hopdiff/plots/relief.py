@@ -30,6 +30,17 @@ def laid(points: Array, ground: Ground | None) -> Array:
     return flat
 
 
+def lying(outline: Array, ground: Ground | None) -> Array:
+    """A small outline (K, 3) on the ground below its middle, which does not hang over edges [m]."""
+    flat = laid(outline, None)
+    if ground is not None and not ground.flat:
+        middle = flat.mean(axis=0)
+        place = torch.as_tensor(middle[[0, 2]])
+        normal = ground.normal(place).numpy()
+        flat[:, 1] = float(ground.height(place)) - (flat - middle)[:, [0, 2]] @ normal[[0, 2]] / normal[1]
+    return flat
+
+
 def relief_of(ground: Ground | None, track: Array) -> Array:
     """Pieces (Q, 4, 3) of the ground about a way (T, 3), squares as seen from above [m]; none of flat ground."""
     if ground is None or ground.flat:

@@ -23,11 +23,12 @@ from hopdiff.io.bvh import read_bvh
 from hopdiff.io.events import write_events
 from hopdiff.io.record import write_json
 from hopdiff.io.run_folder import Note, RunFolder
-from hopdiff.messages import say, unknown
+from hopdiff.messages import say, typed_names, unknown
 from hopdiff.plots.rooms import rooms_figure
 from hopdiff.plots.sticks import sticks_figure
 from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.results import shown, write_pictures
+from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
 
 
@@ -75,7 +76,7 @@ def build(call: Call) -> Work:
         raise HopdiffError("task=navigate needs clips=[FILE,...], BVH files of one skeleton to walk with.")
     own.way.check()
     scene = read_scene(scene_file(own.scene, config_folder() / "scenes"))
-    ground = build_ground(own.ground)
+    ground = ground_of(call, scene)
     start, goal = (place_of(what, one, scene) for what, one in (("start", own.start), ("goal", own.goal)))
     files = [read_bvh(name) for name in own.clips]
     begun = time.perf_counter()
@@ -84,7 +85,7 @@ def build(call: Call) -> Work:
     way = find_way(graph, scene, start, goal, own.way)
 
     def work(folder: RunFolder) -> None:
-        walk, feet = _with_clean_feet(way)
+        walk, feet = _with_clean_feet(way, ground)
         numbers = {
             "scene": scene.name,
             "clips": list(own.clips),
@@ -117,6 +118,17 @@ def build(call: Call) -> Work:
     return work
 
 
+def ground_of(call: Call, scene: Scene) -> Ground:
+    """The ground that is chosen, or else that of the scene. Raises HopdiffError, naming the setting or the scene."""
+    chosen: Mapping[str, Any] = call.own.ground
+    if not scene.ground or chosen["kind"] != "flat" or "ground" in typed_names(call.command):
+        return build_ground(chosen)
+    try:
+        return build_ground(scene.ground)
+    except HopdiffError as error:
+        raise HopdiffError(f"scene {scene.name}: {error}") from error
+
+
 def place_of(what: str, given: Any, scene: Scene) -> Place:
     """A place by its name in the scene, or [x, z, heading in degrees]. Raises HopdiffError, naming the setting."""
     if isinstance(given, str):
@@ -129,13 +141,13 @@ def place_of(what: str, given: Any, scene: Scene) -> Place:
     return Place((float(numbers[0]), float(numbers[1])), math.radians(float(numbers[2])))
 
 
-def _with_clean_feet(way: Way) -> tuple[Way, dict[str, float]]:
+def _with_clean_feet(way: Way, ground: Ground) -> tuple[Way, dict[str, float]]:
     """The walk with feet that stand still, which blends do not leave them, and how still that is."""
     legs = find_legs(way.graph_clip.skeleton)
     if not legs:
         return way, {}
     contacts = find_contacts(way.graph_clip, legs)
-    clean = clean_feet(way.graph_clip, way.clip, contacts, still=True).clip
+    clean = clean_feet(way.graph_clip, way.clip, contacts, ground, still=True).clip
     stages = {"graph": way.graph_clip, "edited": way.clip, "cleaned": clean}
     numbers = {
         f"{name}_{stage}": value

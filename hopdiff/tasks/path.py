@@ -45,6 +45,7 @@ from hopdiff.tasks.results import (
 )
 from hopdiff.tasks.route import PathSettings, Route, plan
 from hopdiff.tasks.run import searched
+from hopdiff.tasks.uneven import ground_notes, ground_rows, on_ground
 from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.course import Course
@@ -54,6 +55,7 @@ OF_STRAIGHT_RUNS = (
     *("flight_residual_bw", "stance_residual_bw", "moment_residual_nm", "momentum_drift", "friction_needed"),
     *("peak_force_bw", "least_force_bw"),
 )
+OF_LEVEL_RUNS = ("foot_slip", "cop_excess")  # and those of one on level ground
 CADENCES = 201  # stride times looked up between the shortest and the longest
 
 
@@ -90,16 +92,16 @@ def build(call: Call) -> Work:
     def work(folder: RunFolder) -> None:
         result = searched(job)
         write_found(folder.path, job, result)
-        run = path_run(job, route, result)
-        folder.interrupted, folder.notes = run.interrupted, notes_of(run)
+        run = path_run(job, route, result, ground)
+        folder.interrupted, folder.notes = run.interrupted, [*notes_of(run), *ground_notes(run.metrics)]
         write_path_run(folder.path, job, route, run, folder.command, ground)
         say(path_summary(folder.path, run, folder.notes))
 
     return work
 
 
-def path_run(job: Job, route: Route, result: SearchResult) -> Run:
-    """The run that a search found, led along a route in whole strides.
+def path_run(job: Job, route: Route, result: SearchResult, ground: Ground | None = None) -> Run:
+    """The run that a search found, led along a route in whole strides. ground: what it is put on, level if None.
 
     Raises HopdiffError if whole strides do not fit, or a turn is out of a leg's reach.
     """
@@ -119,6 +121,10 @@ def path_run(job: Job, route: Route, result: SearchResult) -> Run:
         feet = standing_feet(dense)
         metrics = {name: value for name, value in metrics.items() if name not in OF_STRAIGHT_RUNS} | feet
         metrics["foot_slide_max"] = feet["foot_slip"]
+    if ground is not None and not ground.flat:
+        raised = on_ground(motion, ground)
+        metrics = {name: value for name, value in metrics.items() if name not in OF_LEVEL_RUNS} | raised.numbers
+        motion = raised.motion
     return replace(run, motion=motion, metrics=metrics)
 
 
@@ -240,6 +246,7 @@ def path_summary(folder: Path, run: Run, notes: Sequence[Note] = ()) -> str:
             f"contact {m['contact_time']:.3f} s, flight {m['flight_time']:.3f} s, energy {m['energy_rate']:.3f} of"
             f" {m['energy_target']:.3f}",
         ),
+        *ground_rows(m),
         ("searched", f"{m['search']}, {plural(m['evaluations'], 'evaluation')}, {m['wall_seconds']:.1f} s"),
         *(("note", note.sentence) for note in notes),
         ("files", shown(folder)),

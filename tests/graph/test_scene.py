@@ -53,6 +53,32 @@ def test_a_scene_file_holds_what_it_says(tmp_path: Path) -> None:
     assert scene.free().geom_type == "Polygon"
 
 
+GROUND = """\
+ground:
+  kind: polygons
+  patches:
+    - {outline: b, height: 0.17}
+    - {outline: door, height: 0.1}
+    - {outline: [[0, 0], [1, 0], [1, 1]], height: 0.05}
+"""
+
+
+def test_what_feet_stand_on_may_be_told_by_the_names_of_rooms(tmp_path: Path) -> None:
+    assert read(tmp_path, SQUARES).ground == {}
+    assert read(tmp_path, f"{SQUARES}ground:\n").ground == {}
+    assert read(tmp_path, f"{SQUARES}ground: {{kind: slope, angle: 5}}\n").ground == {"kind": "slope", "angle": 5}
+    ground = read(tmp_path, SQUARES + GROUND).ground
+    assert [patch["height"] for patch in ground["patches"]] == [0.17, 0.1, 0.05]
+    room, door, own = (patch["outline"] for patch in ground["patches"])
+    assert room == [[0, 4], [4, 4], [4, 7], [0, 7]]
+    assert own == [[0, 0], [1, 0], [1, 1]]
+    assert np.ptp(np.array(door), axis=0) == pytest.approx([1.0, 1.0], abs=1e-5)
+    with pytest.raises(HopdiffError, match=r"scene.yaml, line 16: ground.patches: there is no 'bb' in the scene"):
+        read(tmp_path, SQUARES + GROUND.replace("outline: b,", "outline: bb,"))
+    with pytest.raises(HopdiffError, match=r"scene.yaml, line 14: ground must have named entries, not 3"):
+        read(tmp_path, f"{SQUARES}ground: 3\n")
+
+
 def test_the_name_of_a_scene_is_that_of_its_file_by_default(tmp_path: Path) -> None:
     assert read(tmp_path, changed("name: squares\n", "")).name == "scene"
     assert scene_of(yaml.safe_load(changed("name: squares\n", ""))).name == "scene"

@@ -117,6 +117,12 @@ def test_shadows_lie_on_the_ground() -> None:
     assert np.ptp(disc[:, 1]) == pytest.approx(0.4 * math.tan(math.radians(10.0)), rel=0.02)
 
 
+def test_what_lies_on_a_tread_does_not_hang_over_its_edge() -> None:
+    ground = stairs(0.17, 0.29, 0.0, (0.0, 0.0), 6)
+    disc = shadow(np.array([[0.0, 1.5, 0.3]]), ground)
+    assert disc[:, 1] == pytest.approx(2 * 0.17)
+
+
 def test_a_run_along_a_path_stands_on_its_ground() -> None:
     motion = lifted(bent(repeated(make_motion(), 3), turn=0.9, waves=1.0), HILL)
     camera = side_camera(motion, ELEVATION)

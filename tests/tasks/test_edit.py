@@ -245,3 +245,17 @@ def test_clips_of_people(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert found["error_place"] < 1e-3
     assert found["error_yaw_deg"] < 0.1
     assert found["slide_speed_cleaned"] < found["slide_speed_source"] + 0.02
+
+
+def test_an_edit_goes_over_uneven_ground(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    walk = file_of("walk", tmp_path)
+    source = read_bvh(walk).clip()
+    x, z = source.root_position[-1, [0, 2]].tolist()
+    words = ("ground=slope", "ground.angle=8", "ground.start=[0,3]")
+    asked = (f"clip={walk}", f"target.position=[{x!r},{z!r}]", "pictures=false")
+    assert command(monkeypatch, tmp_path / "hill", *asked, *words) == 0
+    assert command(monkeypatch, tmp_path / "level", *asked) == 0
+    hill, level = (read_bvh(tmp_path / name / "edited.bvh").clip().root_position for name in ("hill", "level"))
+    rise = math.tan(math.radians(8.0)) * (level[:, 2] - 3.0).clamp_min(0.0)
+    assert (hill[:, 1] - level[:, 1] - rise).abs().max() < 0.12
+    assert rise.max() > 0.5

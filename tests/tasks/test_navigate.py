@@ -5,15 +5,27 @@ import math
 from pathlib import Path
 
 import pytest
+import torch
 
 from hopdiff.cli import main
+from hopdiff.composing import compose
+from hopdiff.config import checked
+from hopdiff.doors import TASKS
 from hopdiff.editing.root_path import root_path
+from hopdiff.graph.scene import Scene
 from hopdiff.io.bvh import read_bvh, write_bvh
+from hopdiff.tasks.navigate import ground_of
+from hopdiff.terrain.ground import Ground
 from tests.editing.walks import stride
 from tests.people import file_of
 
 RECORD = {"config.yaml", "status.json", "versions.json", "git.json"}
 FILES = {"walk.bvh", "rooms.png", "strip.png", "metrics.json", *RECORD}
+
+HILL = """\
+rooms: {hall: [[0, 0], [9, 0], [9, 9], [0, 9]]}
+ground: {kind: slope, angle: 30}
+"""
 
 
 def command(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> int:
@@ -80,6 +92,8 @@ def test_the_same_settings_give_the_same_walk(clip: Path, tmp_path: Path, monkey
         (("clips=[CLIP]", "start=[0.4,0.9,0]"), "the start [0.4, 0.9] lies inside furniture 'chair'."),
         (("clips=[CLIP]", "goal=[4.49,6,0]"), "goal"),
         (("clips=[CLIP]", "goal=[9,9,0]"), "goal"),
+        (("clips=[CLIP]", "scene=HILL", "start=[1,1,0]"), "scene hill: ground.angle must lie between -20 and 20"),
+        (("clips=[CLIP]", "scene=HILL", "ground=slope", "ground.angle=21"), "ground.angle must lie between -20 and 20"),
         (("clips=[CLIP]", "way.weight=0.5"), "way.weight must be 1 or more, not 0.5."),
         (("clips=[CLIP]", "graph.threshold=0"), "graph.threshold must be a number of metres above 0, not 0."),
         (("clips=[CLIP]", "start=[2,2,0]", "goal=[3.5,6,0]", "way.half_width=0.7"), "no way leads from the start"),
@@ -95,10 +109,28 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
 ) -> None:
     write_bvh(tmp_path / "run.bvh", stride())
     monkeypatch.chdir(tmp_path)
-    given = [word.replace("CLIP", "run.bvh") for word in words]
+    (tmp_path / "hill.yaml").write_text(HILL)
+    given = [word.replace("CLIP", "run.bvh").replace("HILL", "hill.yaml") for word in words]
     assert command(monkeypatch, tmp_path / "out" / "run", *given) == 1
     told = capsys.readouterr().err
     assert said in told
     assert told.startswith("hopdiff: ")
     assert len(told.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_chosen_ground_goes_before_that_of_the_scene() -> None:
+    high = torch.tensor([0.0, 5.0])
+    scene = Scene("hill", {}, ground={"kind": "slope", "angle": 5.0, "start": [0, 0]})
+    assert float(ground_at(scene).height(high)) == pytest.approx(5.0 * math.tan(math.radians(5.0)))
+    typed = ground_at(scene, "ground=slope", "ground.angle=9")
+    assert float(typed.height(high)) == pytest.approx(4.0 * math.tan(math.radians(9.0)))
+    assert ground_at(scene, "ground=flat").flat
+    assert ground_at(Scene("level", {})).flat
+
+
+def ground_at(scene: Scene, *words: str) -> Ground:
+    """The ground of task=navigate with these words."""
+    config = compose(["task=navigate", *words])
+    call = TASKS.load("navigate").call(config, checked(config), Path(), list(words))
+    return ground_of(call, scene)

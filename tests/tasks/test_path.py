@@ -355,3 +355,17 @@ def test_what_would_not_fit_into_memory_is_refused(
 ) -> None:
     assert command(monkeypatch, tmp_path / "no", points, f"path.time={time}") == 1
     assert said in capsys.readouterr().err
+
+
+def test_a_run_on_a_slope_is_put_on_it(runs: Runs, tmp_path: Path) -> None:
+    level, hill = runs(*STRAIGHT), runs(*STRAIGHT, "ground=slope", "ground.angle=8", "ground.start=[0,2]")
+    rows, raised = frames(level)[1], frames(hill)[1]
+    rise = np.tan(np.radians(8.0)) * np.maximum(rows[:, 2] - 2.0, 0.0)
+    assert np.abs(raised[:, 1] - rows[:, 1] - rise).max() < 0.15
+    assert np.array_equal(raised[:, [0, 2]], rows[:, [0, 2]])
+    found = metrics(hill)
+    assert found["ground_rise"] == pytest.approx(18.0 * math.tan(math.radians(8.0)), abs=0.01)
+    assert found["ground_depth"] < 0.005
+    assert found["speed"] == metrics(level)["speed"]
+    assert "ground_rise" not in metrics(level)
+    assert "foot_slip" not in found
