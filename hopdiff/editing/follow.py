@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from hopdiff.editing.course import direction_of, middle_line
+from hopdiff.editing.course import middle_line, turn_onto
 from hopdiff.editing.root_path import RootPath
 from hopdiff.editing.targets import Constraint
 from hopdiff.geometry.curve import PlaneCurve
@@ -23,12 +23,11 @@ def follow(path: RootPath, frame_time: float, curve: PlaneCurve) -> tuple[RootPa
     middle = middle_line(path.place, frame_time)
     moved = middle.diff(dim=0)
     way = torch.cat((torch.zeros(1, dtype=middle.dtype), moved.norm(dim=-1).cumsum(0)))
-    # Where the body stands, the way has the direction that it had or will have.
-    direction = direction_of(moved, path.yaw)
     frames = bound_frames(path.frames, frame_time)
     arc = curve.length * way / way[-1].clamp_min(1e-9)
     heading = curve.heading(arc)
-    turn = heading - direction
+    # One who only stands faces along the curve.
+    turn = turn_onto(middle, heading, frame_time) if float(way[-1]) > 1e-6 else heading - path.yaw
     sway = path.place - middle
     c, s = torch.cos(turn), torch.sin(turn)
     x, z = sway.unbind(-1)

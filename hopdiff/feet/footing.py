@@ -17,7 +17,7 @@ from hopdiff.feet.way import apart, smoothed, turned, widest
 from hopdiff.geometry.rotation import from_vector
 from hopdiff.terrain.ground import Ground
 
-TOES, HEEL = 0.07, 0.05  # m that a sole reaches before the ball and behind the ankle
+TOES, HEEL = 0.07, 0.07  # m that a sole reaches before the ball and behind the ankle
 FOOT = 0.14  # m from ankle to ball where the skeleton does not say
 SPARE = 0.03  # m above whatever is under a foot in the air that it keeps, unless the source is lower
 REACH = 0.1  # m around a foot in the air that is kept clear
@@ -87,7 +87,11 @@ class Footing:
         off = middle[:, [0, 2]] - self.centre
         rise = self.rise + torch.where(stands, (slope * off).sum(-1), (slope * off.clamp(-0.1, 0.1)).sum(-1))
         up = torch.stack((torch.zeros_like(rise), rise, torch.zeros_like(rise)), dim=-1)
-        placed = middle + up + turned(tilt, ankle - middle)
+        # What is above a slope is square to it, so that a foot that rolls on it does not slip.
+        high = middle[:, 1] - self.level
+        high = torch.where(stands, high, high.clamp(-0.1, 0.1))
+        square = torch.stack((torch.zeros_like(high), high, torch.zeros_like(high)), dim=-1)
+        placed = middle + up + turned(tilt, ankle - middle) + turned(tilt, square) - square
         away = apart(stands) * frame_time
         # What is under a foot in the air is looked at from above, as far as it may come to be.
         over = self.ground.height_over(middle[:, [0, 2]], REACH)

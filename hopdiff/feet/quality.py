@@ -41,12 +41,12 @@ class Quality:
 def quality_of(source: Clip, planted: Planted, contacts: Contacts, ground: Ground | None = None) -> Quality:
     """How a planted clip compares with its source.
 
-    first_pose_error, last_pose_error: farthest that a joint is from where the source's is, seen from the root [m]; legs
-    are left out on uneven ground, where they stand otherwise. root_drop: farthest that the root comes down against the source, less what the ground does [m].
-    foot_float, foot_sink: farthest that a point of a standing foot is above or below its height in the source, over the
-    ground [m]. joint_speed_ratio, joint_acceleration_ratio: largest of any joint, seen from the root, against the
-    source's largest. hyperextension_deg: largest bend of a knee beyond straight, more than the source's. given_up:
-    share of the source's contacts in which the foot does not stand.
+    first_pose_error, last_pose_error: farthest that a joint is from where the source's is, seen from the root [m];
+    legs are left out on uneven ground, where they stand otherwise. root_drop: farthest that the root comes down against
+    the source, less what the ground does [m]. foot_float, foot_sink: farthest that a point of a standing foot is above
+    or below its height in the source, over the ground [m]. joint_speed_ratio, joint_acceleration_ratio: largest of any
+    joint, seen from the root, against the source's largest. hyperextension_deg: largest bend of a knee beyond straight,
+    more than the source's. given_up: share of the source's contacts in which the foot does not stand.
     """
     clip = planted.clip
     places, old = clip.joint_positions().double(), source.joint_positions().double()

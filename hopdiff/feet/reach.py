@@ -59,7 +59,8 @@ def turned_up(ankle: Tensor, ball: Tensor, axis: Tensor, angle: Tensor) -> Tenso
     arm = ankle - ball
     c, s = torch.cos(angle)[..., None], torch.sin(angle)[..., None]
     along = (arm * axis).sum(-1, keepdim=True)
-    return ball + c * arm + s * torch.linalg.cross(axis.expand_as(arm), arm) + (1.0 - c) * along * axis
+    found: Tensor = ball + c * arm + s * torch.linalg.cross(axis.expand_as(arm), arm) + (1.0 - c) * along * axis
+    return found
 
 
 def most_heel(hip: Tensor, ball: Tensor, axis: Tensor) -> Tensor:

@@ -21,9 +21,9 @@ _MARKS = (
 # What programs put before all names of a skeleton, and behind those of joints that carry the skin.
 _BEFORE = (
     *("mixamorig", "valve", "bip", "biped", "character", "skeleton", "human", "cc", "base", "j", "jnt", "joint"),
-    *("b", "c", "def", "org", "sk"),
+    *("b", "bn", "c", "def", "org", "sk"),
 )
-_BEHIND = ("bend", "stretch")
+_BEHIND = ("bend", "stretch", "jnt", "jt", "bone", "bn")
 # What joints are called, without the side, letters only; a joint is named after the bone that hangs on it or after
 # itself. Of several words the first counts more.
 WORDS: Mapping[str, tuple[str, ...]] = {

@@ -127,7 +127,7 @@ def movers(joints: Sequence[BvhJoint], chain: Sequence[int], offsets: Tensor, up
 def _to_the_hips(joints: Sequence[BvhJoint], skeleton: Skeleton) -> list[int]:
     """From the root down to the joint that both legs hang on.
 
-    Without legs it is the last with position channels before the skeleton branches.
+    Without legs it is the last with position channels before the skeleton branches; the root if it never does.
     """
     legs = legs_of(skeleton)
     if legs:
@@ -136,6 +136,8 @@ def _to_the_hips(joints: Sequence[BvhJoint], skeleton: Skeleton) -> list[int]:
     chain = [0]
     while len(children := skeleton.children(chain[-1])) == 1:
         chain += children
+    if not children:
+        return [0]
     while len(chain) > 1 and not joints[chain[-1]].places:
         chain.pop()
     return chain

@@ -22,7 +22,9 @@ from hopdiff.types import HopdiffError
 from tests.export.gltf import Gltf
 from tests.export.rigs import armature, glb, skeleton, with_legs, without, write_rest
 from tests.export.takes import WALKS, own, walked
+from tests.io.bvh_files import simple_positions
 from tests.people import file_of
+from tests.tasks.writings import below
 
 
 def of_parts(take: Take) -> dict[str, Tensor]:
@@ -279,6 +281,20 @@ def test_motions_that_stand_still(tmp_path: Path) -> None:
         places = take.clip.joint_positions()
         assert bool(torch.isfinite(places).all())
         assert float((places - places[0]).abs().max()) < 1e-6
+
+
+def test_a_body_below_a_root_without_channels_gets_the_motion_on_its_hips(tmp_path: Path) -> None:
+    plain = write_rest(tmp_path / "body.bvh", skeleton(), 100.0)
+    (tmp_path / "below.bvh").write_text(below(plain.read_text(), ("Armature", "", "")))
+    target = read_target(tmp_path / "below.bvh")
+    take = retargeted(own(), target)
+    write_retargeted(tmp_path / "out.bvh", take, target)
+    names, places, _ = simple_positions((tmp_path / "out.bvh").read_text())
+    assert names[:2] == ["Armature", "mixamorig:Hips"]
+    known = take.clip.joint_positions()
+    order = [take.clip.skeleton.index(name) for name in names[1:]]
+    torch.testing.assert_close(torch.from_numpy(places[:, 1:] / 100.0), known[:, order], atol=1e-6, rtol=0)
+    assert float((known[-1, 0] - known[0, 0]).norm()) > 0.5
 
 
 def test_written_and_read_again_in_every_axes(tmp_path: Path) -> None:

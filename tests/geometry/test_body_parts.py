@@ -104,6 +104,23 @@ MAKES = {
         "{side}_{word}",
         "L R",
     ),
+    "animation by camera": make(
+        "hips_JNT spine_JNT spine1_JNT spine2_JNT neck_JNT head_JNT",
+        "shoulder arm forearm hand upleg leg foot toebase",
+        "{side}_{word}_JNT",
+        "l r",
+    ),
+    "a publisher of games": make(
+        "Hips Spine Chest UpperChest Neck Head",
+        "Shoulder UpperArm LowerArm Hand UpperLeg LowerLeg Foot Toes",
+        "{word}_{side}",
+        "L R",
+    ),
+    "depth cameras": make(
+        "SpineBase SpineLow SpineMid SpineShoulder Neck Head",
+        "Clavicle Shoulder Elbow Wrist Hip Knee Ankle Foot",
+        "{word}{side}",
+    ),
     "sides behind": make(
         "Hips Spine Spine1 Spine2 Neck Head", "clavicle arm forearm hand thigh calf foot toe", "{word}{side}", "L R"
     ),

@@ -98,6 +98,17 @@ def bobbing(place: Rows, turn: Rotation) -> Below:
     return [("Root", f"{PLACES} {TURNS}", root)], f"{PLACES} {TURNS}", together(place - up, turn)
 
 
+def turning_on_the_spot(place: Rows, turn: Rotation) -> Below:
+    yaw = 20.0 * np.sin(np.arange(len(place)) / 5.0)
+    own = Rotation.from_euler("Y", yaw[:, None], degrees=True)
+    root = together(0.0 * place, own)
+    return (
+        [("Root", f"{PLACES} {TURNS}", root)],
+        f"{PLACES} {TURNS}",
+        together(own.inv().apply(place), own.inv() * turn),
+    )
+
+
 def tipped(place: Rows, turn: Rotation) -> Below:
     """Everything below the root lies along z until the root turns it upright; hips that are turned back there."""
     raised = Rotation.from_euler("X", -90.0, degrees=True)
@@ -125,6 +136,7 @@ ABOVE: dict[str, Callable[[Rows, Rotation], Below]] = {
     "a root without channels": without_channels,
     "three joints above": three_above,
     "a root that moves up and down": bobbing,
+    "a root that turns where it stands": turning_on_the_spot,
     "a root that raises the body": tipped,
     "way and turn apart": way_and_turn_apart,
     "a root that does not turn": a_root_that_does_not_turn,
@@ -246,6 +258,11 @@ def test_joints_above_stay_as_they_are_where_the_hips_can_go_alone(tmp_path: Pat
         edited = file.with_motion(led(file.clip()))
         assert torch.equal(edited.values[:, :columns], file.values[:, :columns])
         assert not torch.equal(edited.values[-1, columns : columns + 6], file.values[-1, columns : columns + 6])
+    # In another number of frames as they are in the first.
+    file, _ = read(tmp_path, "a root that turns where it stands")
+    clip = file.clip()
+    shorter = replace(clip, root_position=clip.root_position[4:9], rotations=clip.rotations[4:9])
+    assert torch.equal(file.with_motion(shorter).values[:, :6], file.values[:1, :6].expand(5, -1))
 
 
 def test_hips_that_cannot_turn_are_turned_by_what_they_hang_on(tmp_path: Path) -> None:
@@ -289,20 +306,25 @@ def test_a_root_that_carries_the_body_is_left_so(tmp_path: Path) -> None:
     assert (file.carrier, file.notes) == (0, ())
 
 
-@pytest.mark.parametrize("aside", [0.0, 90.0])
+@pytest.mark.parametrize(
+    ("aside", "channels", "carrier"),
+    [(0.0, f"{PLACES} {TURNS}", 0), (90.0, f"{PLACES} {TURNS}", 1), (0.0, PLACES, 1)],
+)
 def test_a_root_that_goes_straight_leads_hips_that_sway_but_not_hips_that_face_elsewhere(
-    tmp_path: Path, aside: float
+    tmp_path: Path, aside: float, channels: str, carrier: int
 ) -> None:
+    """Nor hips that alone can turn."""
+
     def build(place: Rows, turn: Rotation) -> Below:
         share = np.arange(len(place))
         way = np.stack([2.0 * share, 0.0 * share, 0.0 * share], axis=1)
         sway = np.stack([0.0 * share, 0.0 * share + 90.0, 2.0 * np.sin(share)], axis=1)
-        root = np.concatenate([way, fixed(len(place), 0.0, 0.0, 0.0)], axis=1)
+        root = np.concatenate([way, fixed(len(place), 0.0, 0.0, 0.0)], axis=1)[:, : len(channels.split())]
         hips = np.concatenate([sway, fixed(len(place), 0.0, aside, 0.0) + 5.0 * np.sin(share)[:, None]], axis=1)
-        return [("Root", f"{PLACES} {TURNS}", root)], f"{PLACES} {TURNS}", hips
+        return [("Root", channels, root)], f"{PLACES} {TURNS}", hips
 
     (tmp_path / "a.bvh").write_text(below(tmp_path, build))
-    assert read_bvh(tmp_path / "a.bvh").carrier == (1 if aside else 0)
+    assert read_bvh(tmp_path / "a.bvh").carrier == carrier
 
 
 def test_what_else_hangs_on_the_root_is_left_and_told(tmp_path: Path) -> None:

@@ -16,7 +16,10 @@ from hopdiff.io.bvh import read_bvh
 from hopdiff.types import HopdiffError
 from tests.io.bvh_files import FILES
 
-WHOLE = [text.encode() for text in FILES.values()] + [FILES["plain"].replace("\n", "\r\n").encode()]
+# The plain one below a root that stands still.
+STILL = FILES["plain"].replace("ROOT Hips", "ROOT World\n{\n OFFSET 0 0 0\n CHANNELS 1 Yrotation\nJOINT Hips")
+STILL = re.sub(r"^(?=\d)", "0 ", STILL.replace("\nMOTION", "}\nMOTION"), flags=re.MULTILINE)
+WHOLE = [text.encode() for text in (*FILES.values(), STILL, FILES["plain"].replace("\n", "\r\n"))]
 WORDS = (
     b"HIERARCHY ROOT JOINT End Site OFFSET CHANNELS MOTION Frames: Frame Time: { } Xposition Zrotation 3 -1 0 1e3 nan"
     b" inf -inf 1e999 1e-999 9999999999999999999999 1,5 1.2.3 -- 0x1F 1_0 \xff \x00 # // \xef\xbb\xbf \xe2\x80\x83"
@@ -110,13 +113,21 @@ def check(data: bytes) -> None:
         # What is read is sound: it means a motion, and comes back.
         clip = file.clip()
         assert bool(torch.isfinite(clip.joint_positions()).all())
-        assert len(set(clip.skeleton.names)) == len(file.joints)
+        assert len(set(clip.skeleton.names)) == len(clip.skeleton.names) <= len(file.joints)
+        assert len(set(file.names)) == len(file.joints)
         torch.testing.assert_close(file.with_motion(clip).values, file.values, atol=1e-6, rtol=1e-9)
         file.write(path)
         again = read_bvh(path)
         assert again.joints == file.joints
         assert torch.equal(again.values, file.values)
         assert again.frame_time == file.frame_time
+
+
+def test_whole_files_are_read(tmp_path: Path) -> None:
+    (tmp_path / "a.bvh").write_text(STILL)
+    assert read_bvh(tmp_path / "a.bvh").carrier == 1
+    for data in WHOLE:
+        check(data)
 
 
 @settings(max_examples=300, deadline=None)

@@ -54,10 +54,10 @@ def bent(clip: Clip, hip: float, knee: float) -> Clip:
     return grounded(replace(clip, rotations=rotations))
 
 
-def heap(clip: Clip) -> Clip:
+def heap(clip: Clip, seed: int = 3) -> Clip:
     """The same motion of joints with frames of their own, so that the rest pose is a heap of bones."""
     count = len(clip.skeleton.names)
-    frames = torch.from_numpy(Rotation.random(count, random_state=3).as_matrix())
+    frames = torch.from_numpy(Rotation.random(count, random_state=seed).as_matrix())
     parents = torch.tensor([max(parent, 0) for parent in clip.skeleton.parents])
     above = torch.cat((torch.eye(3, dtype=torch.float64)[None], frames[parents[1:]]))
     skeleton = clip.skeleton
@@ -65,6 +65,10 @@ def heap(clip: Clip) -> Clip:
     ends = {name: frames[skeleton.index(name)].T @ end for name, end in skeleton.end_sites.items()}
     rotations = above.transpose(-1, -2) @ clip.rotations @ frames
     return replace(clip, skeleton=replace(skeleton, offsets=offsets, end_sites=ends), rotations=rotations)
+
+
+def sunk(clip: Clip) -> Clip:
+    return replace(clip, root_position=clip.root_position - torch.tensor([0.0, 0.9, 0.0]))
 
 
 def starts_in_rest(clip: Clip) -> Clip:
@@ -103,6 +107,9 @@ BODIES: dict[str, Callable[[Clip], Clip]] = {
     "who sits": lambda clip: bent(clip, 90.0, 90.0),
     "who crouches": lambda clip: bent(clip, 110.0, 140.0),
     "a heap at rest": heap,
+    "a heap at rest, off the ground": lambda clip: heap(sunk(clip), 1),
+    "another heap, off the ground": lambda clip: heap(sunk(clip), 2),
+    "a third heap, off the ground": lambda clip: heap(sunk(clip), 3),
     "a child with a heap at rest": lambda clip: heap(grown(clip, 0.66)),
     "who sits with a heap at rest": lambda clip: heap(bent(clip, 90.0, 90.0)),
     "a first frame at rest": starts_in_rest,

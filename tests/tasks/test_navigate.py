@@ -17,7 +17,9 @@ from hopdiff.io.bvh import read_bvh, write_bvh
 from hopdiff.tasks.navigate import ground_of
 from hopdiff.terrain.ground import Ground
 from tests.editing.walks import stride
+from tests.io.bvh_files import simple_positions
 from tests.people import file_of
+from tests.tasks.writings import below
 
 RECORD = {"config.yaml", "status.json", "versions.json", "git.json"}
 FILES = {"walk.bvh", "rooms.png", "strip.png", "metrics.json", *RECORD}
@@ -134,3 +136,19 @@ def ground_at(scene: Scene, *words: str) -> Ground:
     config = compose(["task=navigate", *words])
     call = TASKS.load("navigate").call(config, checked(config), Path(), list(words))
     return ground_of(call, scene)
+
+
+def test_hips_below_a_root_that_stands_still_are_led(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = file_of("wander", tmp_path).read_text()
+    (tmp_path / "below.bvh").write_text(below(text, ("Root", "Xposition Yposition Zposition Yrotation", "0 0 0 0")))
+    folder = tmp_path / "run"
+    assert command(monkeypatch, folder, f"clips=[{tmp_path / 'below.bvh'}]", "goal=[3.5,6,90]", "pictures=false") == 0
+    names, places, _ = simple_positions((folder / "walk.bvh").read_text())
+    assert names[:2] == ["Root", "Hips"]
+    assert places[-1, 1, [0, 2]] / 100.0 == pytest.approx([3.5, 6.0], abs=1e-3)
+    assert not places[:, 0].any()
+    notes = json.loads((folder / "status.json").read_text())["notes"]
+    assert [note["sentence"][:38] for note in notes] == ["below.bvh: the way is that of joint 'H"]
+    assert "note      below.bvh: the way is that of joint 'Hips'" in capsys.readouterr().out
