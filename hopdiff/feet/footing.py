@@ -115,7 +115,7 @@ def body_rise(feet: Sequence[Footing], frame_time: float) -> Tensor:
 def between(plants: Sequence[tuple[int, int]], values: Tensor, frames: int) -> Tensor:
     """(T, ...) values (K, ...) of contacts from first to last frame: the same all through one, and from one to the next
     without a corner."""
-    firsts, lasts = torch.tensor(plants, dtype=torch.float64).unbind(-1)
+    firsts, lasts = (torch.tensor(ends, dtype=torch.float64) for ends in zip(*plants, strict=True))
     times = torch.arange(frames, dtype=torch.float64)
     before = (torch.searchsorted(firsts, times, right=True) - 1).clamp_min(0)
     after = (before + 1).clamp_max(len(plants) - 1)

@@ -10,7 +10,7 @@ from hopdiff.feet.track import LegTrack, smooth_step
 
 REACH = 0.99  # of the leg's length: as far as a foot is put, unless the source goes farther
 SOFT = 0.93  # of the leg's length: from here on a leg stretches less and less
-EDGE = 0.955  # the same as it lands or leaves
+EDGE = 0.97  # the same as it lands or leaves
 STRETCHED = 0.985  # the same for a leg that stands
 HEEL = 0.9  # rad by which a heel is raised beyond the source's, at most
 EASY = 0.4  # of that before the body comes down

@@ -15,7 +15,7 @@ from hopdiff.feet.track import LegTrack, bent, smooth_step
 from hopdiff.geometry.rotation import rotation_about
 
 SETTLING = 0.3  # s in which the root is lowered and raised again
-LANDING, LANDED = 0.1, 0.06  # s before and after a contact begins or ends in which a leg stretches more and more
+LANDING, LANDED = 0.1, 0.05  # s before and after a contact begins or ends in which a leg stretches more and more
 HEEL_RAMP = 0.15  # s around a contact in which a heel is raised as in it
 
 

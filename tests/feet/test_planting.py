@@ -303,7 +303,7 @@ def test_a_root_sinks_only_as_far_as_its_legs_are_too_short() -> None:
     assert float(lowered.diff().abs().max()) / clip.frame_time < 1.5
     assert torch.equal(clean.root_position[:, [0, 2]], moved.root_position[:, [0, 2]])
     # Standing feet are where they should be, and no leg is longer than it is.
-    assert slide_numbers(clean, contacts)["drift"] < slide_numbers(clip, contacts)["drift"] + 2e-3
+    assert slide_numbers(clean, contacts)["drift"] < slide_numbers(clip, contacts)["drift"] + 5e-3
     positions = clean.joint_positions()
     for k, leg in enumerate(contacts.legs):
         reach = (contact_points(clean, contacts)[:, k] - positions[:, leg.hip]).norm(dim=-1)

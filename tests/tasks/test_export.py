@@ -73,7 +73,7 @@ def test_a_sweep_goes_into_one_file_with_a_clip_for_each_run(
 
 def test_edits_are_exported_too(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clip = f"clip={finished / 'motion.bvh'}"
-    words = ("task=edit", clip, "target.position=[0.5,9]", "pictures=false", "export=[glb,bvh_unreal,csv]")
+    words = ("task=edit", clip, "target.position=[0.5,3]", "pictures=false", "export=[glb,bvh_unreal,csv]")
     assert call(monkeypatch, tmp_path / "edit", *words) == 0
     edited = read_bvh(tmp_path / "edit" / "edited.bvh").clip()
     [clip_there] = Gltf.of((tmp_path / "edit" / "motion.glb").read_bytes()).content["animations"]
@@ -134,13 +134,13 @@ def test_places_that_cannot_be_written(
 
 
 def test_exports_that_a_motion_does_not_allow_leave_no_file(
-    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    clip = f"clip={finished / 'motion.bvh'}"
+    clip = f"clip={file_of('walk', tmp_path)}"
     words = ("task=edit", clip, "target.position=[2,5]", "target.heading=90", "pictures=false")
     assert call(monkeypatch, tmp_path / "edit", *words) == 0
     words = ("task=export", f"run={tmp_path / 'edit'}", "export=[csv,glb]", "exports.glb.cycles=3")
     assert call(monkeypatch, tmp_path / "out", *words) == 1
-    assert "exports.glb: cycles=3: motion_edited is no loop" in capsys.readouterr().err
+    assert "exports.glb: cycles=3: walk_edited is no loop" in capsys.readouterr().err
     assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".json", ".yaml"}  # the record, with the sentence
     assert json.loads((tmp_path / "out" / "status.json").read_text())["status"] == "failed"
