@@ -10,6 +10,7 @@ from hopdiff.cli import main
 from hopdiff.export.tables import read_npz
 from hopdiff.io.bvh import read_bvh
 from tests.export.gltf import Gltf
+from tests.people import file_of
 
 PRESETS = "export=[glb,glb_unreal,glb_mixamo,bvh_blender,bvh_unity,bvh_unreal,csv,npz]"
 FILES = {
