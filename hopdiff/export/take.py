@@ -99,8 +99,8 @@ class Take:
         )
 
     @classmethod
-    def of_clip(cls, name: str, clip: Clip, numbers: Mapping[str, Any]) -> Take:
-        """Any clip; contacts are found where its legs are."""
+    def of_clip(cls, name: str, clip: Clip, numbers: Mapping[str, Any], contact: Tensor | None = None) -> Take:
+        """Any clip. contact: (T, 2), found where it is not given."""
         clip = _plain(clip)
         legs = find_legs(clip.skeleton)
         if not legs or clip.frames < 2:
@@ -108,7 +108,8 @@ class Take:
         contacts = find_contacts(clip, legs)
         points = contact_points(clip, contacts)
         own = [[i for i, (leg, _) in enumerate(contacts.points) if leg == k] for k in range(len(legs))]
-        contact = torch.stack([contacts.touching[:, one].any(dim=-1) for one in own], dim=-1)
+        if contact is None:
+            contact = torch.stack([contacts.touching[:, one].any(dim=-1) for one in own], dim=-1)
         feet = torch.stack([points[:, one].mean(dim=1) for one in own], dim=1)
         return cls(name, clip, _closes(clip), contact, feet, numbers=dict(numbers))
 

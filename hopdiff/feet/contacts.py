@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -80,6 +80,23 @@ def find_contacts(clip: Clip, legs: tuple[Leg, ...]) -> Contacts:
     own = [[p for p, (which, _) in enumerate(points) if which == k] for k in range(len(legs))]
     level = torch.stack([_level(ground[:, k], touching[:, k]) for k in own], dim=-1)
     return Contacts(legs, tuple(points), tuple(names), touching, floor, level)
+
+
+def known_contacts(clip: Clip, legs: tuple[Leg, ...], stands: Tensor) -> Contacts:
+    """The contacts of a clip whose feet are known to stand on level ground in frames (T, L), left and right; which of
+    their points do is seen from how low and still they are.
+
+    A foot that stands has one such point at least: the lowest one.
+    """
+    found = find_contacts(clip, legs)
+    touching = found.touching & stands[:, [leg for leg, _ in found.points]]
+    above = contact_points(clip, found)[..., 1] - found.floor
+    for k in range(len(legs)):
+        own = [i for i, (leg, _) in enumerate(found.points) if leg == k]
+        lowest = above[:, own] == above[:, own].amin(dim=-1, keepdim=True)
+        lacking = stands[:, k] & ~touching[:, own].any(dim=-1)
+        touching[:, own] |= lowest & lacking[:, None]
+    return replace(found, touching=touching, level=torch.zeros_like(found.level))
 
 
 def _grounds(above: Tensor, still: Tensor, frame_time: float, size: float) -> Tensor:

@@ -5,6 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import torch
+from torch import Tensor
+
+from hopdiff.export.tables import read_npz
+from hopdiff.geometry.clip import Clip
 from hopdiff.grounds import build_ground
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.run_folder import Note, RunFolder
@@ -17,6 +22,9 @@ from hopdiff.tasks.edit_results import edit_summary, write_edit
 from hopdiff.tasks.route import CurveSettings
 from hopdiff.tasks.run import searched
 from hopdiff.terrain.ground import Ground
+from hopdiff.types import HopdiffError
+
+SAME = 1e-4  # m by which two files of one motion may differ
 
 
 @dataclass
@@ -43,7 +51,8 @@ def build(call: Call) -> Work:
     ground = build_ground(own.ground)
     if own.clip is not None:
         file = read_bvh(own.clip, own.edit.unit, own.edit.up)
-        source = source_of(file.clip(), Path(own.clip).name, own.edit, request, file)
+        clip = file.clip()
+        source = source_of(clip, Path(own.clip).name, own.edit, request, file, contact_beside(Path(own.clip), clip))
         done = edit(source, request, own.edit, ground)
         return lambda folder: write(folder, done, request, call, ground)
     job = call.job()
@@ -53,10 +62,25 @@ def build(call: Call) -> Work:
         run = make_run(job, result.best_genes, result)
         folder.interrupted = run.interrupted
         name = f"run_v{run.metrics['speed']:g}_beta{run.metrics['beta']:g}"
-        made = source_of(run.clip, name, own.edit, request, None)
+        made = source_of(run.clip, name, own.edit, request, None, run.motion.contact.cpu())
         write(folder, edit(made, request, own.edit, ground), request, call, ground)
 
     return work
+
+
+def contact_beside(path: Path, clip: Clip) -> Tensor | None:
+    """(T, 2) when the feet of a clip are on the ground, if the file of a run that hopdiff made lies beside it and holds
+    the same motion."""
+    file = path.parent / "motion.npz"
+    if not file.is_file():
+        return None
+    try:
+        take = read_npz(file)
+    except HopdiffError:
+        return None
+    same = take.clip.skeleton.names == clip.skeleton.names and take.frames == clip.frames
+    near = same and torch.allclose(take.clip.root_position.double(), clip.root_position.double(), atol=SAME)
+    return take.contact if near else None
 
 
 def write(folder: RunFolder, done: Edit, request: Request, call: Call, ground: Ground) -> None:

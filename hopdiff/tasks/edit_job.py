@@ -7,14 +7,17 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+import torch
+from torch import Tensor
+
 from hopdiff.editing.leg_joints import Leg, facing, find_legs
 from hopdiff.editing.loop import is_loop, repeated
 from hopdiff.editing.measure import path_measures
 from hopdiff.editing.paper import edit_path_as_paper
 from hopdiff.editing.root_path import RootPath, root_path, with_root_path
 from hopdiff.editing.targets import Constraint, EditedPath, check_reach, edit_path
-from hopdiff.feet.contacts import Contacts, find_contacts, slide_numbers
-from hopdiff.feet.planting import clean_feet
+from hopdiff.feet.contacts import Contacts, find_contacts, known_contacts, slide_numbers
+from hopdiff.feet.planting import Planted, clean_feet
 from hopdiff.feet.quality import quality_of, standing_numbers
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import BvhFile
@@ -28,7 +31,8 @@ FAR = 1.5  # stretch from which on a warning is given, and below its inverse
 @dataclass(frozen=True)
 class Source:
     """What is edited. name: for people. clip: as it is edited, loops laid end to end. file: what it was read from, None
-    for a run of our own. legs: none if the skeleton has none that can be told. contacts: of the feet, None without."""
+    for a run of our own. legs: none if the skeleton has none that can be told. contacts: of the feet, None without;
+    known: whether they were known and not found."""
 
     name: str
     clip: Clip
@@ -37,13 +41,13 @@ class Source:
     contacts: Contacts | None
     path: RootPath
     repeats: int
+    known: bool = False
 
 
 @dataclass(frozen=True)
 class Edit:
-    """before and after: root paths. moved: the clip on its new path, with feet that slide. clip: with clean feet.
-
-    warnings: sentences for the user. metrics: what metrics.json holds.
+    """moved: the clip on its new path, with feet that slide. clip: with clean feet. planted: how they were cleaned,
+    None if they were not. warnings: sentences for the user. metrics: what metrics.json holds.
     """
 
     source: Source
@@ -51,13 +55,22 @@ class Edit:
     solved: EditedPath
     moved: Clip
     clip: Clip
+    planted: Planted | None
     warnings: list[str]
     metrics: dict[str, Any]
 
 
-def source_of(clip: Clip, name: str, settings: EditSettings, request: Request, file: BvhFile | None) -> Source:
+def source_of(
+    clip: Clip,
+    name: str,
+    settings: EditSettings,
+    request: Request,
+    file: BvhFile | None,
+    stands: Tensor | None = None,
+) -> Source:
     """A clip made ready: its legs found, and, if it is a loop, laid end to end as often as the way asks for.
 
+    stands: (T, 2) when its left and right foot are on the ground, where that is known and need not be found.
     Raises HopdiffError for a joint map that does not fit, or a clip of which a repetition is asked that is no loop.
     """
     legs = find_legs(clip.skeleton, settings.joints or None)
@@ -65,8 +78,13 @@ def source_of(clip: Clip, name: str, settings: EditSettings, request: Request, f
     repeats = _repeats(clip, name, settings, request, own=file is None)
     if repeats > 1:
         clip = repeated(clip, repeats)
-    contacts = find_contacts(clip, legs) if legs else None
-    return Source(name, clip, file, legs, contacts, root_path(clip, rest_yaw), repeats)
+        stands = None if stands is None else torch.cat((stands[:1], *[stands[1:]] * repeats))
+    if stands is not None and legs:
+        contacts: Contacts | None = known_contacts(clip, legs, stands)
+    else:
+        contacts = find_contacts(clip, legs) if legs else None
+    known = stands is not None and contacts is not None
+    return Source(name, clip, file, legs, contacts, root_path(clip, rest_yaw), repeats, known)
 
 
 def _repeats(clip: Clip, name: str, settings: EditSettings, request: Request, own: bool) -> int:
@@ -130,7 +148,7 @@ def edit(source: Source, request: Request, settings: EditSettings, ground: Groun
         quality = quality_of(clip, planted, source.contacts, ground)
         metrics |= quality.numbers
         warnings += quality.sentences
-    return Edit(source, constraints, solved, moved, cleaned, warnings, metrics)
+    return Edit(source, constraints, solved, moved, cleaned, planted, warnings, metrics)
 
 
 def _solved(

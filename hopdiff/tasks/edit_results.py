@@ -8,6 +8,9 @@ from typing import Any
 
 import torch
 
+from hopdiff.export.tables import write_npz
+from hopdiff.export.take import Take
+from hopdiff.export.write import plain
 from hopdiff.feet.contacts import contact_points
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import write_bvh
@@ -36,6 +39,10 @@ def write_edit(folder: Path, edit: Edit, request: Request, settings: Mapping[str
         write_bvh(folder / "edited.bvh", edit.clip)
     else:
         source.file.with_motion(edit.clip).write(folder / "edited.bvh")
+    if source.known and edit.planted is not None:
+        # Exports then need not find out again when feet stand.
+        name = f"{plain(Path(source.name).stem)}_edited"
+        write_npz(folder / "motion.npz", Take.of_clip(name, edit.clip, edit.metrics, edit.planted.touching))
     write_json(folder / "metrics.json", edit.metrics)
     pictures = write_pictures(folder, edit_figures(edit, request, ground)) if settings["pictures"] else {}
     numbers = {name: float(value) for name, value in edit.metrics.items() if isinstance(value, float)}

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from hopdiff.editing.leg_joints import Leg, find_legs
 from hopdiff.effort.metrics import standing_feet
-from hopdiff.feet.contacts import Contacts, contact_points, find_contacts, slide_numbers
+from hopdiff.feet.contacts import Contacts, contact_points, known_contacts, slide_numbers
 from hopdiff.feet.planting import clean_feet
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.run_folder import Note
@@ -99,22 +99,9 @@ def ground_notes(metrics: Mapping[str, Any]) -> list[Note]:
 
 
 def exact_contacts(motion: Motion) -> Contacts:
-    """The contacts of a run, whose feet are known to stand; which of their points do is seen from how still they are.
-
-    A foot that stands has one such point at least: the lower one.
-    """
+    """The contacts of a run, whose feet are known to stand."""
     legs = find_legs(motion.clip.skeleton)
-    found = find_contacts(motion.clip, legs)
-    side = [SIDES.index(legs[leg].side) for leg, _ in found.points]
-    known = motion.contact.cpu()[:, side]
-    touching = found.touching & known
-    above = contact_points(motion.clip, found)[..., 1] - found.floor
-    for k in range(len(legs)):
-        own = [i for i, (leg, _) in enumerate(found.points) if leg == k]
-        lowest = above[:, own] == above[:, own].amin(dim=-1, keepdim=True)
-        lacking = known[:, own[0]] & ~touching[:, own].any(dim=-1)
-        touching[:, own] |= lowest & lacking[:, None]
-    return replace(found, touching=touching, level=torch.zeros_like(found.level))
+    return known_contacts(motion.clip, legs, motion.contact.cpu()[:, [SIDES.index(leg.side) for leg in legs]])
 
 
 def _with_feet(points: Tensor, before: Clip, after: Clip, legs: tuple[Leg, ...]) -> Tensor:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from PIL import Image
 
 from hopdiff.cli import main
 from hopdiff.editing.root_path import root_path
+from hopdiff.export.tables import read_npz
 from hopdiff.io.bvh import read_bvh, write_bvh
 from tests.editing.walks import stride
 from tests.people import file_of
@@ -42,7 +44,7 @@ def test_a_run_of_our_own_is_led_to_a_target(
 ) -> None:
     folder = tmp_path / "run"
     assert command(monkeypatch, folder, "model=smooth", *OWN, "target.position=[1.0,7.0]", "target.heading=90") == 0
-    assert {path.name for path in folder.iterdir() if "tfevents" not in path.name} == FILES | PICTURES
+    assert {path.name for path in folder.iterdir() if "tfevents" not in path.name} == FILES | PICTURES | {"motion.npz"}
     assert list(folder.glob("*tfevents*"))
     edited = root_path(read_bvh(folder / "edited.bvh").clip())
     assert edited.place[-1].tolist() == pytest.approx([1.0, 7.0], abs=1e-3)
@@ -55,6 +57,34 @@ def test_a_run_of_our_own_is_led_to_a_target(
         with Image.open(folder / name) as picture:
             assert min(picture.size) > 300
     assert "edited    1 frame bound" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("model", ["smooth", "body"])
+def test_a_run_of_our_own_keeps_the_contacts_that_it_was_made_with(
+    model: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Through an edit of its file, too, and into what exports begin with."""
+    words = ("hopdiff", f"model={model}", "search=ordinary", "pictures=false", "fps=60")
+    monkeypatch.setattr("sys.argv", [*words, f"hydra.run.dir={tmp_path / 'run'}"])
+    assert main() == 0
+    made = read_npz(tmp_path / "run" / "motion.npz")
+    clip = f"clip={tmp_path / 'run' / 'motion.bvh'}"
+    for name, source in (("again", clip), ("found", f"clip={copied(tmp_path)}")):
+        assert command(monkeypatch, tmp_path / name, source, "target.position=[0.2,1.5]", "pictures=false") == 0
+    kept = read_npz(tmp_path / "again" / "motion.npz")
+    assert made.contact is not None
+    assert kept.contact is not None
+    assert bool(made.contact.any())
+    assert torch.equal(kept.contact, made.contact)
+    assert kept.name == "motion_edited"
+    # A copy that lies elsewhere is only a clip, of which contacts are found.
+    assert not (tmp_path / "found" / "motion.npz").exists()
+
+
+def copied(folder: Path) -> Path:
+    """A run's motion without what lies beside it."""
+    (folder / "elsewhere").mkdir()
+    return shutil.copy(folder / "run" / "motion.bvh", folder / "elsewhere" / "motion.bvh")
 
 
 def test_a_file_keeps_all_that_is_not_edited(walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
