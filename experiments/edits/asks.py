@@ -14,6 +14,7 @@ from experiments.edits.judge import Bound, Height
 ASIDE, MOST_ASIDE = 0.3, 1.5  # of the way walked, and m
 WANDERS = 0.25  # of the way walked: a clip whose ends are nearer to each other wanders
 PIECES = 8  # of the way of a clip that wanders, bound where it is made longer or shorter
+BEFORE = 0.8  # m from the start to where ground begins to rise
 SLOPE_DEG, RISE, RUN, STEPS = 10.0, 0.17, 0.29, 10
 
 
@@ -199,7 +200,7 @@ def uphill(way: Way, ask: Ask, before: float, *words: str) -> tuple[Ask, Height]
 
 def slope(way: Way) -> Ask:
     """As far as before, uphill."""
-    ask, along = uphill(way, turned(way, np.zeros(2), 0.0), 0.5, "ground=slope", f"ground.angle={SLOPE_DEG:g}")
+    ask, along = uphill(way, turned(way, np.zeros(2), 0.0), BEFORE, "ground=slope", f"ground.angle={SLOPE_DEG:g}")
     steep = math.tan(math.radians(SLOPE_DEG))
     return Ask(ask.words, ask.bound, lambda x, z: steep * np.maximum(along(x, z), 0.0))
 
@@ -207,7 +208,7 @@ def slope(way: Way) -> Ask:
 def stairs(way: Way) -> Ask:
     """Half as far as before, as people shorten their steps on stairs, and up."""
     words = ("ground=stairs", f"ground.rise={RISE:g}", f"ground.run={RUN:g}", f"ground.steps={STEPS}")
-    ask, along = uphill(way, scaled(way, 0.5), 0.5, *words)
+    ask, along = uphill(way, scaled(way, 0.5), BEFORE, *words)
     return Ask(ask.words, ask.bound, lambda x, z: RISE * np.clip(np.floor(along(x, z) / RUN) + 1.0, 0.0, STEPS))
 
 

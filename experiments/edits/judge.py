@@ -20,6 +20,7 @@ Height = Callable[[Floats, Floats], Floats]  # of the ground at x, z
 
 LOW, STILL, HASTE = 0.04, 0.35, 0.15  # m; m/s; share of the body's speed that a runner's foot may move
 SHORTEST, GAP, GLANCE = 0.08, 0.05, 1.0 / 30.0  # s
+CLIMB = 0.35  # s before and after a frame over which the ground under a body is averaged
 LIFT = 0.03  # m of the lowest point of a foot that makes a step
 OFF = 0.005  # m by which it is off the ground before and after that
 AROUND = 1.5  # s in which a foot's own floor is looked for, so that a slope does not end its contacts
@@ -37,7 +38,7 @@ BARS = {
     "speed": 1.5,  # times the source's
     "jerk": 2.0,  # times the source's
     "knee": 1.0,  # deg beyond straight more
-    "contact": 0.05,  # share of the frames less
+    "contact": 0.1,  # share of the frames less
 }
 SHOWN = {"frame 0": 1000, "last pose": 1000, "arrival": 1000, "drift": 100, "height": 100, "root drop": 100}
 UNITS = {
@@ -110,10 +111,10 @@ def judge(
     rest = [k for k in range(source.places.shape[1]) if k not in legs]
     moved, old_moved = places_of(edited, touching), places_of(source, touching)
     rise = level(edited.places[..., 0], edited.places[..., 2])
-    # A body is as high as the ground under its feet has it.
-    under = rise[:, [point for leg in source.legs for point in leg.feet]].mean(axis=1)
-    drop = source.places[:, mover, 1] - edited.places[:, mover, 1] + under
+    # Stairs are climbed as a slope is.
     lifted = np.concatenate([rise[:, leg.feet] for leg in source.legs], axis=1)
+    under = uniform_filter1d(rise[:, mover], 1 + 2 * round(CLIMB / edited.frame_time), mode="nearest")
+    drop = source.places[:, mover, 1] - edited.places[:, mover, 1] + under
     off = moved[..., 1] - lifted - old_moved[..., 1]
     speed, jerk = paces(edited), jerks(edited)
     old_speed, old_jerk = paces(source), jerks(source)
@@ -125,7 +126,7 @@ def judge(
         **arrival(source, edited, bound),
         "slide": slide(moved, touching, edited.frame_time) - slide(old_moved, touching, source.frame_time),
         "drift": float((drifts(moved, touching) - drifts(old_moved, touching)).max(initial=0.0)),
-        "height": float(np.abs(off[touching]).max(initial=0.0)),
+        "height": off_ground(edited, off, touching),
         "root drop": float(drop.max()),
         "speed": ratio_of_largest(speed, old_speed),
         "jerk": ratio_of_largest(jerk, old_jerk),
@@ -148,6 +149,18 @@ def judge(
             "world speed": float(world_pace(edited) / max(world_pace(source), 1e-9)),
         },
     )
+
+
+def off_ground(body: Body, off: Floats, touching: Flags) -> float:
+    """Farthest that a foot in contact floats, with all of its points that touch, or that one of them sinks. A heel
+    may reach over the edge of a tread."""
+    most, column = 0.0, 0
+    for leg in body.legs:
+        points = slice(column, column + len(leg.feet))
+        column += len(leg.feet)
+        lowest = np.where(touching[:, points], off[:, points], np.inf).min(axis=1)
+        most = max(most, float(np.abs(lowest[np.isfinite(lowest)]).max(initial=0.0)))
+    return most
 
 
 def below(parents: Sequence[int], joint: int) -> list[int]:

@@ -19,6 +19,7 @@ from hopdiff.terrain.ground import Ground
 
 TOES, HEEL = 0.07, 0.07  # m that a sole reaches before the ball and behind the ankle
 FOOT = 0.14  # m from ankle to ball where the skeleton does not say
+UNEVEN = 0.08  # m by which ground of the source must differ to be taken away
 SPARE = 0.03  # m above whatever is under a foot in the air that it keeps, unless the source is lower
 REACH = 0.1  # m around a foot in the air that is kept clear
 SWING = 0.1  # s in which it gets over an edge
@@ -42,6 +43,8 @@ class Footing:
         low: Tensor,
         level: Tensor,
     ) -> None:
+        # A little unevenness of the source is that of its capture.
+        level = level if float(level.max()) > UNEVEN else torch.zeros_like(level)
         self.ground, self.track, self.low, self.level = ground, track, low, level
         self.middle = middle
         arm = None if track.ball is None else (track.ball - track.ankle)[:, [0, 2]]
@@ -49,12 +52,13 @@ class Footing:
         self.ahead, self.behind = half + TOES, half + HEEL
         self.prints, rises, tilts, centres = [], [], [], []
         ends = [(one.first, one.last) for one in prints]
+        last = len(middle) - 1
         for one in prints:
             move = one.move if one.move.turn.dim() == 0 else one.move.at(len(one.move.turn) // 2)
             centre = move(middle[one.frames].mean(dim=0))[[0, 2]]
             along = _heading(track, one) + move.turn
             by = ground.footing(centre[None], along[None], self.ahead, self.behind)[0]
-            if one.pinned:
+            if one.pinned and one.first <= last - one.last:
                 by = torch.zeros_like(by)
             centre = centre + by
             self.prints.append(replace(one, move=one.move.shifted(by)))
@@ -64,7 +68,6 @@ class Footing:
             centres.append(centre)
         own = edit(middle)[:, [0, 2]]
         # A foot that is in the air at an end of the clip is as high there as the ground below it.
-        last = len(own) - 1
         for frame, place in ((0, 0), (last, len(self.prints))):
             if not any(one.first <= frame <= one.last for one in prints):
                 here = ground.mean_height(own[frame], REACH) - level[frame]
