@@ -21,7 +21,7 @@ TOES, HEEL = 0.07, 0.07  # m that a sole reaches before the ball and behind the 
 FOOT = 0.14  # m from ankle to ball where the skeleton does not say
 UNEVEN = 0.08  # m by which ground of the source must differ to be taken away
 SPARE = 0.03  # m above whatever is under a foot in the air that it keeps, unless the source is lower
-REACH = 0.1  # m around a foot in the air that is kept clear
+REACH = 0.06  # m around the points of a foot in the air that is kept clear
 SWING = 0.1  # s in which it gets over an edge
 FOLLOW = 0.15  # s over which the body follows its feet (standard deviation)
 
@@ -29,7 +29,7 @@ FOLLOW = 0.15  # s over which the body follows its feet (standard deviation)
 class Footing:
     """The prints of one foot on a ground.
 
-    middle: (T, 3) of the foot in the source [m]. low: (T,) of its lowest point above the ground there [m]. level: (T,)
+    points: (T, P, 3) of the foot in the source [m]. floors: (P,) their heights while they stand there [m]. level: (T,)
     height of that ground [m]. prints: those given, moved onto treads. rise: (T,) by how much the foot is lifted [m].
     """
 
@@ -39,13 +39,14 @@ class Footing:
         track: LegTrack,
         edit: GroundMove,
         prints: Sequence[FootPrint],
-        middle: Tensor,
-        low: Tensor,
+        points: Tensor,
+        floors: Tensor,
         level: Tensor,
     ) -> None:
         # A little unevenness of the source is that of its capture.
         level = level if float(level.max()) > UNEVEN else torch.zeros_like(level)
-        self.ground, self.track, self.low, self.level = ground, track, low, level
+        self.ground, self.track, self.points, self.floors, self.level = ground, track, points, floors, level
+        middle = points.mean(dim=1)
         self.middle = middle
         arm = None if track.ball is None else (track.ball - track.ankle)[:, [0, 2]]
         half = 0.5 * (FOOT if arm is None else float(arm.norm(dim=-1).mean()))
@@ -96,14 +97,21 @@ class Footing:
         square = torch.stack((torch.zeros_like(high), high, torch.zeros_like(high)), dim=-1)
         placed = middle + up + turned(tilt, ankle - middle) + turned(tilt, square) - square
         away = apart(stands) * frame_time
-        # What is under a foot in the air is looked at from above, as far as it may come to be.
-        over = self.ground.height_over(middle[:, [0, 2]], REACH)
-        need = (over + self.low.clamp(0.0, SPARE) - (self.low + self.level + rise)).clamp_min(0.0)
+        frame = tilt @ frame
+        # A foot in the air keeps off the ground under it and around, as far as it did in the source.
+        points = placed[:, None] + (frame[:, None] @ (self.points - self.track.ankle[:, None]).unsqueeze(-1)).squeeze(
+            -1
+        )
+        above = (self.points[..., 1] - self.floors - self.level[:, None]).clamp_max(SPARE)
+        over = self.ground.height_over(points[..., [0, 2]], REACH)
+        need = (over + above + self.floors - points[..., 1]).amax(dim=-1).clamp_min(0.0)
         need = torch.where(stands, torch.zeros_like(need), need)
         wide = 2 * max(1, round(0.5 * SWING / frame_time)) + 1
-        clear = smoothed(widest(need, wide), wide) * smooth_step(away / SWING)
+        clear = torch.maximum(
+            need * smooth_step(away / (0.3 * SWING)), smoothed(widest(need, wide), wide) * smooth_step(away / SWING)
+        )
         placed[:, 1] += clear
-        return placed, tilt @ frame
+        return placed, frame
 
 
 def body_rise(feet: Sequence[Footing], frame_time: float) -> Tensor:

@@ -125,8 +125,8 @@ class _Foot:
         if ground is None:
             self.prints = [self._shifted(one) for one in self.prints]
         else:
-            low = (points[..., 1] - contacts.heights()[:, own]).amin(dim=-1)
-            self.footing = Footing(ground, track, edit, self.prints, self.middle, low, contacts.level[:, number])
+            floors, level = contacts.floor[own], contacts.level[:, number]
+            self.footing = Footing(ground, track, edit, self.prints, points, floors, level)
             self.prints = self.footing.prints
 
     def _shifted(self, one: FootPrint) -> FootPrint:

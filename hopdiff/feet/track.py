@@ -14,6 +14,8 @@ from hopdiff.editing.leg_joints import Leg
 from hopdiff.geometry.clip import Clip
 
 USUAL = 0.2  # sine of the angle between thigh and leg below which a leg counts as straight, its bend as noise
+STRAIGHT = 0.99  # of a leg's length from hip to ankle, above which it bends slowly at first
+GIVE = 0.006  # m over which it does
 ASKEW = 0.5  # cosine between a knee's way out of the line of the leg and its usual one, below which it counts less
 
 
@@ -136,7 +138,11 @@ def bent(
     # The same in the new place: along the line by the law of cosines, the rest of the side out of it.
     new_across = functional.normalize(new_line, dim=-1)
     whole = _least(_turned(turn, across), new_across) @ turn
-    new = new_line.norm(dim=-1)
+    old, new = line.norm(dim=-1), new_line.norm(dim=-1)
+    # A straight leg begins to bend without a jerk, for which its ankle may be off a little.
+    lag = GIVE * smooth_step((track.span - STRAIGHT) / (1.0 - STRAIGHT)).clamp_min(1e-6)
+    less = (old - new).clamp_min(0.0)
+    new = torch.where(new < old, old - less * (1.0 - torch.exp(-less / lag)), new)
     new = torch.maximum(torch.minimum(new, side + other), (side - other).abs() + 1e-6)
     along = (side**2 + new**2 - other**2) / (2.0 * new)
     height = (side**2 - along**2).clamp_min(0.0)
