@@ -18,6 +18,7 @@ from hopdiff.editing.loop import repeated, repetitions
 from hopdiff.export.target import Target
 from hopdiff.feet.contacts import spans
 from hopdiff.feet.prints import FootPrint, GroundMove, weights
+from hopdiff.feet.reach import STRETCHED
 from hopdiff.feet.track import LegTrack, leg_tracks
 from hopdiff.feet.way import FootWay, lowering
 from hopdiff.geometry.clip import Clip
@@ -142,7 +143,9 @@ def _way(track: LegTrack, frames: Tensor, sole: Sole, stands: Tensor, frame_time
     target = ankle + change
     target[:, 1] = torch.maximum(target[:, 1], -points[..., 1].amin(dim=1))
     # Heels roll as the source's do: none is raised for the sake of reach before the body comes down.
-    return FootWay(track, track.hip, target, frame, stands, shares.sum(dim=0), torch.ones_like(turn), frame_time)
+    return FootWay(
+        track, track.hip, target, frame, stands, shares.sum(dim=0), torch.ones_like(turn), frame_time, STRETCHED
+    )
 
 
 def _rolled(points: Tensor) -> Tensor:

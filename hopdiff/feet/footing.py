@@ -23,6 +23,8 @@ UNEVEN = 0.08  # m by which ground of the source must differ to be taken away
 SPARE = 0.03  # m above whatever is under a foot in the air that it keeps, unless the source is lower
 REACH = 0.06  # m around the points of a foot in the air that is kept clear
 SWING = 0.1  # s in which it gets over an edge
+CLEAR = 0.05  # s after a contact from which on it does
+EARLY = 1.7  # times sooner than evenly that a foot rises to a higher tread, and later that it comes down to a lower one
 FOLLOW = 0.15  # s over which the body follows its feet (standard deviation)
 
 
@@ -30,7 +32,8 @@ class Footing:
     """The prints of one foot on a ground.
 
     points: (T, P, 3) of the foot in the source [m]. floors: (P,) their heights while they stand there [m]. level: (T,)
-    height of that ground [m]. prints: those given, moved onto treads. rise: (T,) by how much the foot is lifted [m].
+    height of that ground [m]. prints: those given, moved onto treads. rise: (T,) by how much the foot is lifted; even:
+    the same without haste over steps [m].
     """
 
     def __init__(
@@ -76,7 +79,8 @@ class Footing:
                 tilts.insert(place, torch.zeros(3, dtype=torch.float64))
                 centres.insert(place, own[frame])
                 ends.insert(place, (frame, frame))
-        self.rise = between(ends, torch.stack(rises), len(own))
+        self.even = between(ends, torch.stack(rises), len(own))
+        self.rise = between(ends, torch.stack(rises), len(own), EARLY) if ground.stepped else self.even
         self.tilt = between(ends, torch.stack(tilts), len(own))
         self.centre = between(ends, torch.stack(centres), len(own))
 
@@ -107,31 +111,32 @@ class Footing:
         need = (over + above + self.floors - points[..., 1]).amax(dim=-1).clamp_min(0.0)
         need = torch.where(stands, torch.zeros_like(need), need)
         wide = 2 * max(1, round(0.5 * SWING / frame_time)) + 1
-        clear = torch.maximum(
-            need * smooth_step(away / (0.3 * SWING)), smoothed(widest(need, wide), wide) * smooth_step(away / SWING)
-        )
+        clear = smoothed(widest(need, wide), wide) * smooth_step(away / CLEAR)
         placed[:, 1] += clear
         return placed, frame
 
 
 def body_rise(feet: Sequence[Footing], frame_time: float) -> Tensor:
     """(T,) by how much a body is lifted that follows the ground under its feet [m]."""
-    mean = torch.stack([foot.rise for foot in feet]).mean(dim=0)
+    mean = torch.stack([foot.even for foot in feet]).mean(dim=0)
     smooth = torch.from_numpy(gaussian_filter1d(mean.numpy(), FOLLOW / frame_time, mode="nearest"))
     # The first pose stays on its feet.
     times = torch.arange(len(mean), dtype=torch.float64) * frame_time
     return smooth + (mean[0] - smooth[0]) * smooth_step(1.0 - times / (3.0 * FOLLOW))
 
 
-def between(plants: Sequence[tuple[int, int]], values: Tensor, frames: int) -> Tensor:
+def between(plants: Sequence[tuple[int, int]], values: Tensor, frames: int, early: float = 1.0) -> Tensor:
     """(T, ...) values (K, ...) of contacts from first to last frame: the same all through one, and from one to the next
-    without a corner."""
+    without a corner. early: how many times sooner than evenly heights (K,) rise, and later they fall."""
     firsts, lasts = (torch.tensor(ends, dtype=torch.float64) for ends in zip(*plants, strict=True))
     times = torch.arange(frames, dtype=torch.float64)
     before = (torch.searchsorted(firsts, times, right=True) - 1).clamp_min(0)
     after = (before + 1).clamp_max(len(plants) - 1)
     gap = (firsts[after] - lasts[before]).clamp_min(1.0)
-    share = torch.where(after > before, smooth_step((times - lasts[before]) / gap), torch.zeros_like(times))
+    share = ((times - lasts[before]) / gap).clamp(0.0, 1.0)
+    if early > 1.0:
+        share = torch.where(values[after] > values[before], early * share, 1.0 - early * (1.0 - share))
+    share = torch.where(after > before, smooth_step(share), torch.zeros_like(times))
     return torch.lerp(values[before], values[after], share.reshape(-1, *[1] * (values.dim() - 1)))
 
 

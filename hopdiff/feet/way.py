@@ -25,7 +25,8 @@ class FootWay:
     [m]. frame: (T, 3, 3) turn of the foot in the world since the track.
 
     stands: (T,) bool. weight: (T,) 1 while the foot stands, less and less on the ways to and from there. flat: (T,) 1
-    while the heel stands too, less and less around that: then it is raised only as a last resort.
+    while the heel stands too, less and less around that: then it is raised only as a last resort. edge: of the leg's
+    length, from which on it stretches less and less as the foot lands or leaves.
     """
 
     track: LegTrack
@@ -36,6 +37,7 @@ class FootWay:
     weight: Tensor
     flat: Tensor
     frame_time: float
+    edge: float = EDGE
 
     @cached_property
     def ball(self) -> Tensor | None:
@@ -83,7 +85,9 @@ class FootWay:
         distance = gap.norm(dim=-1)
         landing = smooth_step(1.0 - apart(self.stands) * self.frame_time / LANDING)
         landed = smooth_step((apart(~self.stands) - 1.0) * self.frame_time / LANDED)
-        soft = torch.where(self.stands, landed * (STRETCHED - EDGE) + EDGE, landing * (EDGE - SOFT) + SOFT)
+        soft = torch.where(
+            self.stands, landed * (STRETCHED - self.edge) + self.edge, landing * (self.edge - SOFT) + SOFT
+        )
         drawn = softened(track, distance, soft)
         ankle = hip + gap * (drawn / distance.clamp_min(1e-9))[:, None]
         bent(track, rotations, turn, hip, ankle, foot, toe)

@@ -27,6 +27,11 @@ class Ground(ABC):
         """Whether it is level at height 0 everywhere, so that nothing needs to be done."""
         return False
 
+    @property
+    def stepped(self) -> bool:
+        """Whether there are steps in it, which feet must get over."""
+        return False
+
     @abstractmethod
     def height(self, place: Tensor) -> Tensor:
         """(...) height [m] at places (..., 2)."""

@@ -44,6 +44,10 @@ class Patches(Ground):
 
     patches: Sequence[Patch]
 
+    @property
+    def stepped(self) -> bool:
+        return bool(self.patches)
+
     def height(self, place: Tensor) -> Tensor:
         here = points_of(place).numpy()
         return torch.as_tensor(self._heights(here, self._top(here)))

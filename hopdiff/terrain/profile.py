@@ -30,6 +30,10 @@ class Profile(Ground):
     heights: Tensor
     gradients: Tensor
 
+    @property
+    def stepped(self) -> bool:
+        return bool(self._is_edge.any())
+
     def height(self, place: Tensor) -> Tensor:
         return self._height(self._way(place))
 

@@ -53,7 +53,7 @@ def test_feet_stand_on_a_slope(name: str, angle: float) -> None:
     ground = rising(clip, "slope", angle=angle, length=None)
     contacts, planted = walked(clip, ground, 0.7)
     off = heights(clip, contacts, planted, ground)
-    assert float(off.quantile(0.95)) < 0.012
+    assert float(off.quantile(0.95)) < (0.012 if abs(angle) < 15 else 0.025)
     assert float(off.min()) > -0.015
     rose = float(planted.clip.root_position[-1, 1] - clip.root_position[-1, 1])
     place = planted.clip.root_position[-1:, [0, 2]].double()
