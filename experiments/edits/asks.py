@@ -180,7 +180,8 @@ def stop_early(way: Way) -> Ask:
 def two_apart(way: Way) -> Ask:
     """The last frame and the one a second before it, shifted to different sides."""
     frame = max(1, way.last - round(1.0 / way.frame_time))
-    wide = min(0.1 * way.length, 0.4)
+    # Where the first of them comes early, little of the way is there to go aside on.
+    wide = min(0.1 * way.length, 0.4, ASIDE * float(way.arc[frame]))
     early = constrained([(frame, way.place[frame] + wide * way.left(frame), "keep")])
     late = turned(way, -0.5 * wide * way.left(way.last), 45.0)
     return Ask((*early.words, *late.words), (*early.bound, *late.bound))
