@@ -21,6 +21,7 @@ Height = Callable[[Floats, Floats], Floats]  # of the ground at x, z
 LOW, STILL, HASTE = 0.04, 0.35, 0.15  # m; m/s; share of the body's speed that a runner's foot may move
 SHORTEST, GAP, GLANCE = 0.08, 0.05, 1.0 / 30.0  # s
 AROUND = 1.5  # s in which a foot's own floor is looked for, so that a slope does not end its contacts
+RESTING = 0.25  # of the fastest part: what any other may reach before its own speed counts
 LEG = 0.9  # m, for which LOW is meant
 # What passes, beyond the source where there is one.
 BARS = {
@@ -349,7 +350,7 @@ def largest_ratio(new: dict[str, float], old: dict[str, float]) -> float:
     least: dict[str, float] = {}
     for name, value in old.items():
         kind = name.split()[-1] if "/" in name else name.partition(",")[2]
-        least[kind] = max(least.get(kind, 0.0), 0.05 * value)
+        least[kind] = max(least.get(kind, 0.0), RESTING * value)
     ratios = [
         value / max(old[name], least[name.split()[-1] if "/" in name else name.partition(",")[2]], 1e-9)
         for name, value in new.items()
