@@ -29,12 +29,12 @@ TIMED = "walk_straight_cmu_07_01"
 def main(arguments: Sequence[str] | None = None) -> None:
     given = parsed(arguments)
     torch.set_num_threads(1)
-    found = {name: clip for name, clip in clips(given.clips).items() if given.clip in name}
-    if not found:
-        raise SystemExit(f"no clip of {given.clips or 'a run of our own'} is called {given.clip}")
-    quick = bool(given.only or given.clip)
-    text = judged(found, given)
-    if not quick:
+    files = files_of(given)
+    if not files:
+        raise SystemExit(f"{given.clips or given.runs} has no BVH file whose name has {given.clip!r} in it")
+    text = judged(files, given)
+    if not (given.only or given.clip):
+        found = clips(given.clips)
         text = "\n".join((head(found), text, arrived(found), timed(found, given)))
         write_whole(given.out / "results.md", text)
     print(text)
@@ -58,21 +58,21 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def files_of(found: dict[str, Clip], given: argparse.Namespace) -> list[Path]:
-    """The files of the clips; a run of our own is written into one."""
-    if given.clips is not None:
-        return [given.clips / f"{name}.bvh" for name in found]
-    given.runs.mkdir(parents=True, exist_ok=True)
-    files = [given.runs / f"{name}.bvh" for name in found]
-    for file, clip in zip(files, found.values(), strict=True):
-        write_bvh(file, clip)
-    return files
+def files_of(given: argparse.Namespace) -> list[Path]:
+    """The files that are edited; a run of our own is written into one."""
+    folder = given.clips
+    if folder is None:
+        folder = given.runs
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, clip in clips(None).items():
+            write_bvh(folder / f"{name}.bvh", clip)
+    return [file for file in sorted(folder.glob("*.bvh")) if given.clip in file.stem]
 
 
-def judged(found: dict[str, Clip], given: argparse.Namespace) -> str:
+def judged(files: list[Path], given: argparse.Namespace) -> str:
     """The verdicts on all edits, by kind, by clip, and each."""
     kinds = asked(given.only, given.ground)
-    results = study(files_of(found, given), given.runs, kinds, lambda line: print(line, flush=True))
+    results = study(files, given.runs, kinds, lambda line: print(line, flush=True))
     if given.pictures:
         draw_worst(results, given.pictures, given.runs)
     counted = ("edits", "pass", "", "but for the ends' poses", "missed")

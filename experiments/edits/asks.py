@@ -181,7 +181,8 @@ def stop_early(way: Way) -> Ask:
 def two_apart(way: Way) -> Ask:
     """The frame a second before the end shifted aside, and the last one turned where it is."""
     frame = max(1, way.last - round(1.0 / way.frame_time))
-    wide = min(0.1 * way.length, 0.2)
+    # Where the first of them comes early, little of the way is there to go aside on.
+    wide = min(0.1 * way.length, 0.2, ASIDE * float(way.arc[frame]))
     early = constrained([(frame, way.place[frame] + wide * way.left(frame), "keep")])
     late = turned(way, np.zeros(2), 30.0)
     return Ask((*early.words, *late.words), (*early.bound, *late.bound))

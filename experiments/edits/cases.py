@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from hopdiff.editing.targets import Constraint
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import read_bvh
 from hopdiff.job import search_run
+from hopdiff.types import HopdiffError
 
 TURNS = (-90, -45, 0, 45, 90, 135, 180)  # degrees to the left
 SHIFTS = ((0.0, 0.0), (0.3, 0.0), (0.0, 0.1))  # to the left and ahead, in shares of the net way
@@ -49,8 +51,12 @@ def grid() -> Iterator[Case]:
 
 
 def clips(folder: Path | None) -> dict[str, Clip]:
-    """The BVH files of a folder by name; without one, six strides of a run of our own."""
+    """The BVH files of a folder by name, those aside that are refused; without one, six strides of a run of our own."""
     if folder is not None:
-        return {file.stem: read_bvh(file).clip() for file in sorted(folder.glob("*.bvh"))}
+        found = {}
+        for file in sorted(folder.glob("*.bvh")):
+            with contextlib.suppress(HopdiffError):  # which their edits' verdicts tell
+                found[file.stem] = read_bvh(file).clip()
+        return found
     job = build_job(compose(["model=smooth", "speed=3", "beta=0.2", "search=ordinary"]))
     return {OWN: repeated(search_run(job).clip, 6)}

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import percentile_filter, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, percentile_filter, uniform_filter1d
 
 from experiments.bvh_reading import Body, Floats
 
@@ -22,8 +22,9 @@ LOW, STILL, HASTE = 0.04, 0.35, 0.15  # m; m/s; share of the body's speed that a
 SHORTEST, GAP, GLANCE = 0.08, 0.05, 1.0 / 30.0  # s
 CLIMB = 0.35  # s before and after a frame over which the ground under a body is averaged
 LIFT = 0.03  # m of the lowest point of a foot that makes a step
-OFF = 0.005  # m by which it is off the ground before and after that
+OFF, LEAVING = 0.005, 0.15  # m by which it is off the ground just before and after that, and s for which it may be
 AROUND = 1.5  # s in which a foot's own floor is looked for, so that a slope does not end its contacts
+RESTING = 0.25  # of the fastest part: what any other may reach before its own speed counts
 LEG = 0.9  # m, for which LOW is meant
 # What passes, beyond the source where there is one.
 BARS = {
@@ -248,7 +249,9 @@ def stepping(edited: Body, own: Flags, floor: Floor, level: Height) -> Flags:
         points = slice(column, column + len(leg.feet))
         column += len(leg.feet)
         lift = above[:, points].min(axis=1)
-        for first, after in runs(~own[:, points].any(axis=1) | (lift > OFF)):
+        away = ~own[:, points].any(axis=1)
+        near = maximum_filter1d(away, 1 + 2 * round(LEAVING / edited.frame_time), mode="nearest")
+        for first, after in runs(away | (near & (lift > OFF))):
             found[first:after, points] = lift[first:after].max() >= LIFT
     return found
 
@@ -402,7 +405,7 @@ def largest_ratio(new: dict[str, float], old: dict[str, float]) -> float:
     least: dict[str, float] = {}
     for name, value in old.items():
         kind = kind_of(name)
-        least[kind] = max(least.get(kind, 0.0), 0.05 * value)
+        least[kind] = max(least.get(kind, 0.0), RESTING * value)
     ratios = [value / max(old[name], least[kind_of(name)], 1e-9) for name, value in new.items()]
     return max(ratios, default=1.0)
 

@@ -28,7 +28,7 @@ def draw_worst(results: Sequence[Result], count: int, out: Path) -> list[Path]:
     for place, result in enumerate(sorted(shown, key=badness, reverse=True)[:count], start=1):
         source = read_bvh(result.file)
         edited = read_bvh(result.folder / FILE, source.unit, source.up)
-        title = f"{result.clip}, {result.kind}: {result.words()}"
+        title = f"{result.clip}, {result.kind}"
         path = out / f"worst_{place:02d}.png"
         save_figure(sticks_figure(edited.clip(), before=source.clip(), title=title), path)
         files.append(path)

@@ -22,8 +22,8 @@ ENDS = {"frame 0", "last pose"}
 
 @dataclass(frozen=True)
 class Result:
-    """One edit. file: the source. verdict: None where the command refused it. said: the sentences that the user was
-    shown. folder: of the run."""
+    """One edit. file: the source. verdict: None where the command, or the judge's reading, refused it. said: the
+    sentences that the user was shown. folder: of the run."""
 
     file: Path
     kind: str
@@ -55,9 +55,14 @@ def study(
     told: Callable[[str], object] = lambda line: None,
 ) -> list[Result]:
     """Every kind of edit of every file. out: for the runs' folders. told: hears of each edit."""
-    results = []
+    results: list[Result] = []
     for file in files:
-        source = body(file)
+        try:
+            source = body(file)
+        except ValueError as error:
+            results += [Result(file, kind, None, (str(error),), out) for kind in kinds]
+            told(f"{file.stem}: not judged, {error}")
+            continue
         for kind in kinds:
             ask = KINDS[kind](Way.of(source))
             result = tried(file, source, kind, ask, out / file.stem / kind.replace(" ", "_"))

@@ -78,7 +78,7 @@ def test_the_study_of_edits_prints_its_tables(tmp_path: Path, capsys: pytest.Cap
 
 def test_an_edit_that_the_command_refuses_does_not_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from experiments.edits.asks import Ask
-    from experiments.edits.study import totals, tried
+    from experiments.edits.study import study, totals, tried
 
     source = body(file_of("walk", tmp_path))
     result = tried(tmp_path / "walk.bvh", source, "position", Ask(("target.position=3",), ()), tmp_path / "run")
@@ -86,3 +86,7 @@ def test_an_edit_that_the_command_refuses_does_not_pass(tmp_path: Path, capsys: 
     assert result.words() == "refused"
     assert "target.position" in " ".join(result.said)
     assert totals([result], lambda one: one.kind) == [("position", "1", "0", "0 %", "0", "refused 1")]
+    (tmp_path / "torn.bvh").write_text("HIERARCHY\nROOT hips\n{")
+    torn = study([tmp_path / "torn.bvh"], tmp_path / "runs", ["position", "curve"])
+    assert [one.words() for one in torn] == ["refused", "refused"]
+    assert "no well-formed BVH file" in torn[0].said[0]

@@ -168,6 +168,47 @@ def test_a_jump_of_one_frame_is_jerk(tmp_path: Path) -> None:
     assert {"jerk"} <= set(edited(jumped, tmp_path).failed)
 
 
+def test_a_body_that_skates_slides(tmp_path: Path) -> None:
+    def skating(clip: Clip) -> Clip:
+        times = clip.frame_time * torch.arange(clip.frames, dtype=torch.float64)
+        return moved(clip, 0.1 * times[:, None] * torch.tensor([0.0, 0.0, 1.0]))
+
+    assert {"slide", "drift"} <= set(edited(skating, tmp_path).failed)
+
+
+def test_an_arm_held_otherwise_at_the_end_is_another_last_pose(tmp_path: Path) -> None:
+    shoulder = next(name for name in source().bvh.names if "shoulder" in name.lower() or "arm" in name.lower())
+
+    def raised(clip: Clip) -> Clip:
+        degrees = torch.zeros(clip.frames, dtype=torch.float64)
+        degrees[-1] = 1.0
+        return turned(clip, shoulder, "X", degrees)
+
+    assert "last pose" in edited(raised, tmp_path).failed
+
+
+def test_a_leg_that_shakes_is_too_fast(tmp_path: Path) -> None:
+    knee = source().bvh.names[source().legs[0].knee]
+
+    def shaking(clip: Clip) -> Clip:
+        times = clip.frame_time * torch.arange(clip.frames, dtype=torch.float64)
+        return turned(clip, knee, "Y", 40.0 * torch.sin(2.0 * np.pi * 6.0 * times))
+
+    assert "speed" in edited(shaking, tmp_path).failed
+
+
+def test_a_turn_of_the_whole_body_is_no_speed_of_its_joints(tmp_path: Path) -> None:
+    def turning(clip: Clip) -> Clip:
+        angles = 3.0 * clip.frame_time * torch.arange(clip.frames, dtype=torch.float64)
+        rotations = clip.rotations.double().clone()
+        rotations[:, 0] = axis_rotation("Y", angles) @ rotations[:, 0]
+        return replace(clip, rotations=rotations)
+
+    numbers = edited(turning, tmp_path).numbers
+    assert numbers["speed"] == pytest.approx(1.0, abs=1e-3)
+    assert numbers["jerk"] == pytest.approx(1.0, abs=1e-2)
+
+
 def test_hovering_is_no_way_to_pass(tmp_path: Path) -> None:
     def hovering(clip: Clip) -> Clip:
         middle = slice(10, clip.frames - 10)
@@ -189,13 +230,13 @@ def test_arrival_is_measured_where_it_was_asked_for() -> None:
 
 
 def test_on_a_slope_feet_are_high_over_the_floor_and_not_over_the_ground(tmp_path: Path) -> None:
-    def uphill(clip: Clip) -> Clip:
-        rise = 0.01 * clip.root_position[:, 2]
+    def downhill(clip: Clip) -> Clip:
+        rise = -0.01 * clip.root_position[:, 2]
         return moved(clip, torch.stack((torch.zeros_like(rise), rise, torch.zeros_like(rise)), dim=1))
 
     path = tmp_path / "edited.bvh"
-    write_bvh(path, uphill(made(WALK)), "ZYX", 100.0)
-    numbers = judge(source(), body(path, source()), (), lambda x, z: 0.01 * z).numbers
+    write_bvh(path, downhill(made(WALK)), "ZYX", 100.0)
+    numbers = judge(source(), body(path, source()), (), lambda x, z: -0.01 * z).numbers
     assert numbers["height"] < 0.01
     assert abs(numbers["root drop"]) < 0.005
     assert judge(source(), body(path, source()), ()).numbers["height"] > 0.01

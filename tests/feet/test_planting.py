@@ -148,7 +148,7 @@ def test_feet_stand_as_still_as_in_the_source(name: str, where: str, turn: float
     assert before["slide_speed"] > own["slide_speed"] + 0.005
     assert after["slide_speed"] < own["slide_speed"] + 0.02
     assert after["drift"] < own["drift"] + 0.01
-    assert after["foot_depth"] < max(0.005, own["foot_depth"] + 1e-6)
+    assert after["foot_depth"] < max(0.005, own["foot_depth"] + 1e-3)
     assert fastest(clean) < 1.5 * fastest(clip)
     for frame in ends:
         assert (clean.rotations[frame] - moved.rotations[frame]).abs().max() < 1e-6
