@@ -113,6 +113,7 @@ class _Foot:
         heels = [touching[:, n] for n, joint in enumerate(joints) if joint == track.leg.ankle]
         heel = torch.stack(heels).any(0) if heels else ~self.stood
         self.flat = smooth_step(1.0 - apart(heel) * frame_time / HEEL_RAMP)
+        self.reach = longest(track)
         self.slide = _slide(points, touching) if still else None
         self.middle = points.mean(dim=1)
         others = stands[:, torch.arange(stands.shape[1]) != number].any(dim=-1)
@@ -123,22 +124,21 @@ class _Foot:
             self.stands[one.frames] = True
         self.footing: Footing | None = None
         if ground is None:
-            self.prints = [self._shifted(one) for one in self.prints]
+            need = self.way(torch.zeros_like(edit.turn)).sink()
+            self.prints = [self._shifted(one) if float(need[one.frames].max()) > MISS else one for one in self.prints]
         else:
             floors, level = contacts.floor[own], contacts.level[:, number]
             self.footing = Footing(ground, track, edit, self.prints, points, floors, level)
             self.prints = self.footing.prints
 
     def _shifted(self, one: FootPrint) -> FootPrint:
-        """The print moved along the way to where the body must be lowered least, if it must be."""
+        """The print moved along the way to where the body must be lowered least."""
         if one.pinned:
             return one
         here, track = one.frames, self.track
-        hip, reach, free = self.hip[here], longest(track)[here], EASY * (1.0 - self.flat[here])
+        hip, reach, free = self.hip[here], self.reach[here], EASY * (1.0 - self.flat[here])
         axis = turned(axis_rotation("Y", one.move.turn).expand(len(hip), 3, 3), track.left[here])
         ankle, ball = one.move(self._own(one, here)), None if track.ball is None else one.move(track.ball[here])
-        if float(lacking(hip, ankle, ball, axis, reach, free)[0].max()) <= MISS:
-            return one
         way = functional.normalize((hip[-1] - hip[0])[[0, 2]], dim=0)
         by = torch.tensor(SHIFTS, dtype=torch.float64)[:, None] * way
         more = torch.stack((by[:, 0], torch.zeros(len(by), dtype=by.dtype), by[:, 1]), dim=-1)[:, None]
