@@ -71,8 +71,8 @@ class Gallery:
         return Path("outputs") / self.name
 
 
-def build(gallery: Gallery, arguments: Sequence[str] | None = None) -> None:
-    """The command line of a gallery: makes the runs that lack, then README.md and pictures/."""
+def build(gallery: Gallery, arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """The command line of a gallery: makes the runs that lack, then README.md and pictures/. Returns what was typed."""
     parser = argparse.ArgumentParser(
         prog=f"python -m experiments.{gallery.name}",
         description="Build the gallery: makes the runs that lack, then README.md and pictures/.",
@@ -97,6 +97,7 @@ def build(gallery: Gallery, arguments: Sequence[str] | None = None) -> None:
         folders[shot.name] = make(shot, given.runs, given.set, clips)
     write_gallery(given.out, gallery, entries, folders)
     print(f"{len(entries)} figures from {len(folders)} commands: {given.out / 'README.md'}")
+    return given
 
 
 def _words(entry: Entry) -> list[str]:

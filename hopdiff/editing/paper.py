@@ -1,36 +1,49 @@
-"""The variant of the paper (Kim & Lee 2021, eq. 10-15): the end is bound through the last state vector alone.
+"""The variant of the paper (Kim & Lee 2021, eq. 3-15): the end is bound through the last state vector alone.
 
 The constraint c_T on the last state that brings the end of the sum to its target is found by Newton's method on the
 response of the end to c_T. Taken literally, as the target seen from the frame before, it does not converge.
+
+So bound, the change of the states is one ramp over the whole clip, three numbers in all. With the paper's own theta,
+the angle between way and facing, they do not lead a walk back to beside its start: the rounds end in a fold, where the
+end hardly answers any more (figure 4a). What the paper eases there with a B-spline are the differential coordinates:
+here their change becomes a spline over the whole clip, one of the least that arrive (figure 4b).
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.interpolate import make_lsq_spline
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
 from torch import Tensor
 
-from hopdiff.editing.laplacian import Banded, laplacian, squared_bands
+from hopdiff.editing.laplacian import Banded, squared_bands
+from hopdiff.editing.measure import MOVING
 from hopdiff.editing.root_path import RootPath, path_of, steps_of
 from hopdiff.editing.targets import EditedPath
 from hopdiff.types import HopdiffError
 
 KNOTS = 1.0 / 3.0  # s between the knots of the spline
 THETAS = ("tangent", "turn")
+GAIN = 0.1  # share of what a round promises that it must bring
+RIDGE = 1e-6  # weight of a change of the states against that of their differential coordinates, in a spline's cost
+EASILY = 0.2  # of a round to the least of a spline: with less than that the nearest that arrives is sought
+SHORTEST = 1e-3  # of a round: with less than that no way leads on
 
 
 @dataclass(frozen=True)
 class PaperSettings:
     """alpha, epsilon: see `SolveSettings`. weight: of the two constraints against the Laplacian. rounds: at most.
 
-    theta: "tangent" takes the angle between way and facing as third state, as the paper says; it is bent wildly where
-    the body hardly moves. "turn" takes the turn of the body. smooth: whether the differential coordinates are those of
-    a B-spline through the states, whose own detail is put back afterwards.
+    theta: "tangent" takes the angle between way and facing as third state, as the paper says. "turn" takes the turn of
+    the body. smooth: whether the change of the differential coordinates is a B-spline over the whole clip, in place of
+    the last state's alone. rise: how much higher the last frame shall be, y solved as a state of its own [m]; None
+    leaves all heights as they are.
     """
 
     alpha: float = 0.3
@@ -38,6 +51,7 @@ class PaperSettings:
     weight: float = 1.0
     theta: str = "turn"
     smooth: bool = False
+    rise: float | None = None
     rounds: int = 100
 
 
@@ -58,32 +72,26 @@ def edit_path_as_paper(
         raise HopdiffError(f"an edit needs a clip of at least 3 frames, not {path.frames}.")
     begun = time.perf_counter()
     states = states_of(path, settings.theta)
-    detail = states - splined(states, frame_time) if settings.smooth else torch.zeros_like(states)
-    bands = squared_bands(len(states))
-    bands[0, [0, -1]] += settings.weight**2
-    matrix = Banded(bands)
-    right = laplacian_transposed(laplacian(states - detail))
-    right[0] += settings.weight**2 * (states - detail)[0]
-    impulse = torch.zeros(len(states), 1, dtype=states.dtype)
-    impulse[-1] = settings.weight**2
-    base, response = matrix.solve(torch.cat((right, impulse), dim=-1)).split((3, 1), dim=-1)
+    response, inverse = _responses(len(states), frame_time, settings)
     bound = 2 if yaw is None else 3
     target = torch.tensor((*place, math.nan if yaw is None else yaw), dtype=torch.float64)[:bound]
     ready = time.perf_counter()
 
-    def ends(constraint: Tensor) -> Tensor:
-        return _end(base + response * constraint + detail, path, settings.theta)
+    share = _share(states, settings)[:, :bound]
 
-    constraint = (states - detail)[-1].clone()
-    rounds = 0
-    while (size := _size(error := target - ends(constraint)[:bound])) > settings.epsilon and rounds < settings.rounds:
-        rounds += 1
-        # Places alone are linear in the states if no frame turns.
-        linear = yaw is None and settings.theta == "turn"
-        share = 1.0 if linear else min(1.0, settings.alpha / size)
-        slope = torch.autograd.functional.jacobian(ends, constraint)[:bound, :bound]
-        constraint[:bound] += torch.linalg.solve(slope, share * error)
-    found = path_from(base + response * constraint + detail, path, settings.theta)
+    def changed(numbers: Tensor) -> Tensor:
+        return torch.cat((states[:, :bound] + share * (response @ numbers), states[:, bound:]), dim=-1)
+
+    def ends(found: Tensor) -> Tensor:
+        return _end(found, path, settings.theta)[:bound]
+
+    # Places alone are linear in the states if no frame turns.
+    linear = yaw is None and settings.theta == "turn"
+    numbers, rounds = _rounds(changed, ends, target, share, response, inverse, settings, linear)
+    found = path_from(changed(numbers), path, settings.theta)
+    rise = None
+    if settings.rise is not None:
+        rise = torch.cat((response.new_zeros(1), _raised(response, inverse, settings.rise)))
     done = time.perf_counter()
     error = target - torch.cat((found.place[-1], found.yaw[-1:]))[:bound]
     return EditedPath(
@@ -93,7 +101,105 @@ def edit_path_as_paper(
         float(error[2:].abs().sum()),
         _size(error) <= settings.epsilon,
         {"set_up": 1e3 * (ready - begun), "solve": 1e3 * (done - ready)},
+        rise,
     )
+
+
+def _rounds(
+    changed: Callable[[Tensor], Tensor],
+    ends: Callable[[Tensor], Tensor],
+    target: Tensor,
+    weight: Tensor,
+    response: Tensor,
+    inverse: Tensor,
+    settings: PaperSettings,
+    linear: bool,
+) -> tuple[Tensor, int]:
+    """(P, bound) numbers whose change of the states brings the end to the target, and the rounds that they took.
+
+    Of those that meet the linearised target the least; a round that leads away is made shorter. Where even a short one
+    does, the rounds end.
+    """
+    numbers = response.new_zeros(response.shape[1], len(target))
+    error = target - ends(changed(numbers))
+    rounds = 0
+    while (size := _size(error)) > settings.epsilon and rounds < settings.rounds:
+        rounds += 1
+        share = 1.0 if linear else min(1.0, settings.alpha / size)
+        slope = torch.autograd.functional.jacobian(ends, changed(numbers))[..., : len(target)]
+        rows = torch.einsum("etd,tp->epd", slope * weight, response)
+        eased = torch.einsum("pq,eqd->epd", inverse, rows)
+        kept = (rows * numbers).sum((1, 2))
+        least, nearest = (
+            torch.einsum("epd,e->pd", eased, torch.linalg.solve(_inner(rows, eased), wanted))
+            for wanted in (share * error + kept, share * error)
+        )
+
+        def left(step: Tensor, numbers: Tensor = numbers) -> float:
+            return _size(target - ends(changed(numbers + step)))
+
+        # To the least numbers that arrive, or else to the nearest ones that do.
+        step = _shortened(least - numbers, left, size, share, EASILY)
+        if step is None:
+            step = _shortened(nearest, left, size, share, SHORTEST)
+        if step is None:
+            break
+        numbers = numbers + step
+        error = target - ends(changed(numbers))
+    return numbers, rounds
+
+
+def _shortened(
+    step: Tensor, left: Callable[[Tensor], float], size: float, share: float, shortest: float
+) -> Tensor | None:
+    """As much of a step as leaves less of an error than there is; None where even a little of it does not.
+
+    size: of the error, of which the step is meant to take a share.
+    """
+    part = 1.0
+    while left(part * step) > (1.0 - GAIN * part * share) * size:
+        part *= 0.5
+        if part < shortest:
+            return None
+    return part * step
+
+
+def _share(states: Tensor, settings: PaperSettings) -> Tensor:
+    """(N, 3) of a change that states take: short steps take less of a spline, as their direction is noise."""
+    share = torch.ones_like(states)
+    if settings.smooth and settings.theta == "tangent":
+        pace = states[:, :2].norm(dim=-1)
+        share[:, :2] = (pace / (MOVING * pace.mean())).clamp_max(1.0)[:, None]
+    return share
+
+
+def _responses(count: int, frame_time: float, settings: PaperSettings) -> tuple[Tensor, Tensor]:
+    """(N, P) what P numbers do to the states, and (P, P) the inverse of what these cost.
+
+    The numbers are the constraint on the last state, or the coefficients of a spline that is added to the differential
+    coordinates (eq. 10-13). The cost of a spline is its sum of squares over the frames, and a little of the states'.
+    """
+    bands = squared_bands(count)
+    if not settings.smooth:
+        bands[0, [0, -1]] += settings.weight**2
+        impulse = torch.zeros(count, 1, dtype=torch.float64)
+        impulse[-1] = settings.weight**2
+        return Banded(bands).solve(impulse), torch.ones(1, 1, dtype=torch.float64)
+    bands[0, 0] += settings.weight**2
+    basis = torch.from_numpy(spline_basis(count, frame_time))
+    response = Banded(bands).solve(laplacian_transposed(basis))
+    return response, torch.linalg.inv(basis.T @ basis + RIDGE * response.T @ response)
+
+
+def _raised(response: Tensor, inverse: Tensor, rise: float) -> Tensor:
+    """(N,) by how much each frame is raised for the last one to be by rise [m]. Heights are linear in their states."""
+    row = response[-1]
+    eased = inverse @ row
+    return response @ (eased * (rise / (row @ eased)))
+
+
+def _inner(rows: Tensor, eased: Tensor) -> Tensor:
+    return torch.einsum("epd,fpd->ef", rows, eased)
 
 
 def states_of(path: RootPath, theta: str) -> Tensor:
@@ -136,13 +242,12 @@ def laplacian_transposed(values: Tensor) -> Tensor:
     return found
 
 
-def splined(values: Tensor, frame_time: float) -> Tensor:
-    """A cubic B-spline with few knots through (N, D), least squares."""
-    count = len(values)
-    pieces = max(1, round((count - 1) * frame_time / KNOTS))
+def spline_basis(count: int, frame_time: float) -> NDArray[np.float64]:
+    """(N, P) cubic B-splines with few knots over N frames."""
+    pieces = max(1, min(round((count - 1) * frame_time / KNOTS), count - 3))
+    if count < 4:
+        return np.eye(count)
     inner = np.linspace(0.0, count - 1.0, pieces + 1)
-    if count < pieces + 4:
-        return values
     knots = np.concatenate((np.zeros(3), inner, np.full(3, count - 1.0)))
-    at = np.arange(count, dtype=np.float64)
-    return torch.from_numpy(make_lsq_spline(at, values.numpy(), knots, k=3)(at))
+    found: NDArray[np.float64] = BSpline.design_matrix(np.arange(count, dtype=np.float64), knots, 3).toarray()
+    return found

@@ -47,6 +47,12 @@ def with_root_path(clip: Clip, before: RootPath, after: RootPath) -> Clip:
     return replace(clip, root_position=torch.cat((place[:, :1], height, place[:, 1:]), dim=-1), rotations=rotations)
 
 
+def raised(clip: Clip, rise: Tensor) -> Clip:
+    """The clip with its root higher by (T,) [m]."""
+    up = torch.stack((torch.zeros_like(rise), rise, torch.zeros_like(rise)), dim=-1)
+    return replace(clip, root_position=clip.root_position + up.to(clip.root_position))
+
+
 def steps_of(path: RootPath) -> Tensor:
     """(..., T - 1, 3) step to the left and step forward [m], and turn [rad], each frame from the one before."""
     moved = path.place.diff(dim=-2)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
+from torch import Tensor
 
 from hopdiff.editing.course import course_of
 from hopdiff.editing.root_path import RootPath, steps_of
@@ -40,7 +41,7 @@ class EditedPath:
     """path: as asked, of as many frames as the source. rounds: until the error fell below epsilon.
 
     error_place [m], error_yaw [rad]: largest that is left. converged: whether they are below epsilon.
-    milliseconds: by what took them.
+    milliseconds: by what took them. rise: (T,) by how much frames are raised [m], None where none is.
     """
 
     path: RootPath
@@ -49,6 +50,7 @@ class EditedPath:
     error_yaw: float
     converged: bool
     milliseconds: dict[str, float]
+    rise: Tensor | None = None
 
 
 def edit_path(

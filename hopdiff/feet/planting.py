@@ -48,13 +48,19 @@ class Planted:
 
 
 def clean_feet(
-    source: Clip, edited: Clip, contacts: Contacts, ground: Ground | None = None, still: bool = False
+    source: Clip,
+    edited: Clip,
+    contacts: Contacts,
+    ground: Ground | None = None,
+    still: bool = False,
+    rise: Tensor | None = None,
 ) -> Planted:
     """The edited clip with feet that stand where the source's stand.
 
     edited: the source on another root path; contacts: of the source. The first and the last frame stay as they are.
     ground: what it walks on, level at height 0 if None. still: whether feet that slide in the source, as in a blend of
-    two motions, are held too. Otherwise doing it again changes nothing, and neither does it without an edit.
+    two motions, are held too. Otherwise doing it again changes nothing, and neither does it without an edit. rise: (T,)
+    by how much the edit raises the body [m].
     """
     edit = GroundMove.between(root_path(source), root_path(edited))
     if ground is not None and ground.flat:
@@ -67,9 +73,9 @@ def clean_feet(
         foot = _Foot(track, edit, contacts, k, source.frame_time, ground, still, stands)
         stands[:, k] = foot.stands
         feet.append(foot)
-    rise = torch.zeros(source.frames, dtype=torch.float64)
+    rise = torch.zeros(source.frames, dtype=torch.float64) if rise is None else rise
     if ground is not None:
-        rise = body_rise([foot.footing for foot in feet if foot.footing is not None], source.frame_time)
+        rise = rise + body_rise([foot.footing for foot in feet if foot.footing is not None], source.frame_time)
     for _ in range(PASSES):
         ways = [foot.way(rise) for foot in feet]
         lowered = lowering(ways, LOWEST, ends=False)
@@ -167,10 +173,9 @@ class _Foot:
             yaw[here] += share * (move.turn - turn[here])
             weight[here] += share
         ankle = sunk(ankle, -self._lift())
-        frame, hip = axis_rotation("Y", yaw), self.hip
+        frame, hip = axis_rotation("Y", yaw), sunk(self.hip, -rise)
         if self.footing is not None:
             ankle, frame = self.footing.lifted(ankle, frame, self.stands, self.frame_time)
-            hip = sunk(hip, -rise)
         return FootWay(track, hip, ankle, frame, self.stands, weight, self.flat, self.frame_time)
 
     def _lift(self) -> Tensor:

@@ -46,6 +46,13 @@ class Clip:
         """World positions (T, 3) of the end sites by joint name [m]."""
         return self.skeleton.end_positions(*self.forward())
 
+    def part(self, frames: slice) -> Clip:
+        """Some of its frames."""
+        offsets = None if self.offsets is None else self.offsets[frames]
+        return replace(
+            self, root_position=self.root_position[frames], rotations=self.rotations[frames], offsets=offsets
+        )
+
     def in_place(self) -> Clip:
         """The same motion with the steady travel from first to last frame removed from the ground plane."""
         travel = self.root_position[-1] - self.root_position[0]

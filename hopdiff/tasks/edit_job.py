@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +15,8 @@ from hopdiff.editing.leg_joints import Leg, facing, find_legs
 from hopdiff.editing.loop import is_loop, repeated
 from hopdiff.editing.measure import path_measures
 from hopdiff.editing.paper import edit_path_as_paper
-from hopdiff.editing.root_path import RootPath, root_path, with_root_path
-from hopdiff.editing.targets import Constraint, EditedPath, check_reach, edit_path
+from hopdiff.editing.root_path import RootPath, raised, root_path, with_root_path
+from hopdiff.editing.targets import FEWEST_FRAMES, Constraint, EditedPath, check_reach, edit_path
 from hopdiff.feet.contacts import Contacts, find_contacts, known_contacts, slide_numbers
 from hopdiff.feet.planting import Planted, clean_feet
 from hopdiff.feet.quality import quality_of, standing_numbers
@@ -71,8 +72,12 @@ def source_of(
     """A clip made ready: its legs found, and, if it is a loop, laid end to end as often as the way asks for.
 
     stands: (T, 2) when its left and right foot are on the ground, where that is known and need not be found.
-    Raises HopdiffError for a joint map that does not fit, or a clip of which a repetition is asked that is no loop.
+    Raises HopdiffError for a joint map that does not fit, frames that the clip does not have, or a clip of which a
+    repetition is asked that is no loop.
     """
+    if settings.frames is not None:
+        part = _part(clip, settings.frames)
+        clip, stands = clip.part(part), None if stands is None else stands[part]
     legs = find_legs(clip.skeleton, settings.joints or None)
     rest_yaw = facing(clip.skeleton, legs)
     repeats = _repeats(clip, name, settings, request, own=file is None)
@@ -85,6 +90,17 @@ def source_of(
         contacts = find_contacts(clip, legs) if legs else None
     known = stands is not None and contacts is not None
     return Source(name, clip, file, legs, contacts, root_path(clip, rest_yaw), repeats, known)
+
+
+def _part(clip: Clip, frames: Sequence[int]) -> slice:
+    """The frames from the first to the last that are asked for; negative ones count from the end."""
+    first, last = (frame + clip.frames if frame < 0 else frame for frame in frames)
+    if not 0 <= first <= last - FEWEST_FRAMES + 1 < clip.frames - FEWEST_FRAMES + 1:
+        raise HopdiffError(
+            f"edit.frames={list(frames)} must be {FEWEST_FRAMES} frames at least of the clip's, which are 0 to"
+            f" {clip.frames - 1}."
+        )
+    return slice(first, last + 1)
 
 
 def _repeats(clip: Clip, name: str, settings: EditSettings, request: Request, own: bool) -> int:
@@ -115,11 +131,13 @@ def edit(source: Source, request: Request, settings: EditSettings, ground: Groun
     solved = _solved(before, clip.frame_time, constraints, guess, settings)
     after = solved.path
     moved = with_root_path(clip, before, after)
+    if solved.rise is not None:
+        moved = raised(moved, solved.rise)
     warnings = _warnings(source, solved, before)
     milliseconds = dict(solved.milliseconds)
     cleaned, start, planted = moved, time.perf_counter(), None
     if settings.feet and source.contacts is not None:
-        planted = clean_feet(clip, moved, source.contacts, ground)
+        planted = clean_feet(clip, moved, source.contacts, ground, rise=solved.rise)
         cleaned = planted.clip
         milliseconds["feet"] = 1e3 * (time.perf_counter() - start)
     milliseconds["all"] = 1e3 * (time.perf_counter() - begun)

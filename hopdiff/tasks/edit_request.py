@@ -21,6 +21,7 @@ from hopdiff.types import HopdiffError
 
 VARIANTS = ("hopdiff", "paper")
 KEYS = ("frame", "position", "heading")
+MOST_RISE = 1.0  # m
 # Without any wish: the whole way turned to the left about its start by an eighth of a turn.
 EIGHTH: Mapping[str, Any] = {
     "frame": -1,
@@ -58,6 +59,8 @@ class EditSettings:
     turn: str
     theta: str
     smooth: bool
+    rise: float | None
+    frames: list[Any] | None
     repeat: int | None
     strides: int
     feet: bool
@@ -74,7 +77,7 @@ class EditSettings:
     def paper(self) -> PaperSettings:
         """Of the paper's solver."""
         alpha = PaperSettings.alpha if self.alpha is None else self.alpha
-        return PaperSettings(alpha=alpha, epsilon=self.epsilon, theta=self.theta, smooth=self.smooth)
+        return PaperSettings(alpha, self.epsilon, theta=self.theta, smooth=self.smooth, rise=self.rise)
 
     def check(self) -> None:
         """Raises HopdiffError, naming the setting, for a choice that there is not or a number out of its range."""
@@ -88,6 +91,13 @@ class EditSettings:
         for name in ("epsilon", "side", "ahead", "turning", "ridge", "standing"):
             if not math.isfinite(getattr(self, name)):
                 raise HopdiffError(f"edit.{name} must be a finite number.")
+        if self.rise is not None and not (self.variant == "paper" and abs(self.rise) <= MOST_RISE):
+            raise HopdiffError(
+                f"edit.rise={self.rise:g} goes with edit.variant=paper and must be from {-MOST_RISE:g} to"
+                f" {MOST_RISE:g} m."
+            )
+        if self.frames is not None and not (len(self.frames) == 2 and all(type(one) is int for one in self.frames)):
+            raise HopdiffError(f"edit.frames must be the first and the last frame, not {_plain(self.frames)!r}.")
         for name in ("repeat", "strides"):
             value = getattr(self, name)
             if value is not None and not 1 <= value <= 1000:

@@ -11,12 +11,13 @@ from experiments.bvh_reading import body
 from experiments.edits.asks import KINDS, NOT_YET
 from hopdiff.cli import main
 from hopdiff.doors import config_folder
-from tests.people import file_of
+from tests.people import CAPTURED, file_of
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = sorted(path.stem for path in (config_folder() / "experiment" / "kim2021").glob("*.yaml"))
 SMALL = ("search=ordinary", "fps=30", "edit.strides=3")
-BRIEF = ("fig_4a",)  # the variant of the paper
+PAPER = ("fig_4a", "fig_4b")
+BRIEF = ("fig_4b",)  # of all experiments
 
 
 @pytest.fixture(autouse=True)
@@ -33,7 +34,7 @@ def test_every_experiment_runs_on_a_run_of_our_own(name: str, tmp_path: Path, mo
     monkeypatch.setattr("sys.argv", ["hopdiff", *arguments])
     assert main() == 0
     numbers = json.loads((tmp_path / "run" / "metrics.json").read_text())
-    assert numbers["variant"] == ("paper" if name == "fig_4a" else "hopdiff")
+    assert numbers["variant"] == ("paper" if name in PAPER or name.startswith("table_1") else "hopdiff")
     assert numbers["converged"] is (name != "fig_4a")
     assert list((tmp_path / "run").glob("*.png"))
 
@@ -59,6 +60,30 @@ def test_the_gallery_shows_every_experiment() -> None:
 
     words = [word for entry in ENTRIES for shot in entry.shots for word in shot.overrides]
     assert {word.rpartition("/")[2] for word in words if word.startswith("+experiment")} == set(NAMES)
+
+
+def test_rows_of_table_1_take_the_rounds_of_the_paper_with_one_alpha(tmp_path: Path) -> None:
+    from experiments.kim2021.table_1 import ALPHA, ROWS, edited, path_of
+
+    for row in ROWS:
+        path, frame_time = path_of(row, _clips_of_table_1(tmp_path))
+        assert path.frames == row.count == (100 if "straight" in row.name else 450)
+        found = edited(row, path, frame_time, "paper, theta the turn", ALPHA)
+        assert found.converged
+        assert found.rounds == row.rounds
+        eased = edited(row, path, frame_time, "the same with a B-spline", ALPHA)
+        assert eased.converged
+
+
+def _clips_of_table_1(folder: Path) -> Path:
+    """The captured clips, or a walk that is made in their place, under their names."""
+    from experiments.kim2021.table_1 import ROWS
+
+    if all((CAPTURED / row.clip).is_file() for row in ROWS):
+        return CAPTURED
+    for row in ROWS[::2]:
+        file_of("walk", folder).rename(folder / row.clip)
+    return folder
 
 
 def test_the_study_of_edits_prints_its_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -135,6 +135,34 @@ def test_the_paper_s_variant(walk: Path, tmp_path: Path, monkeypatch: pytest.Mon
     assert found["error_place"] < 0.001
 
 
+def test_the_paper_s_variant_raises_the_body_where_asked_and_feet_stay_down(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = file_of("walk", tmp_path)
+    words = (f"clip={file}", "edit.variant=paper", "target.position=[0.1,0]", "target.relative=true", "pictures=false")
+    clips = {}
+    for rise in ("null", "0.04"):
+        assert command(monkeypatch, tmp_path / rise, *words, f"edit.rise={rise}") == 0
+        clips[rise] = read_bvh(tmp_path / rise / "edited.bvh").clip()
+    up = (clips["0.04"].root_position - clips["null"].root_position)[:, 1]
+    assert float(up[0]) == pytest.approx(0.0, abs=1e-5)
+    assert float(up[-1]) == pytest.approx(0.04, abs=1e-4)
+    assert 0.01 < float(up[len(up) // 2]) < 0.03
+    assert metrics(tmp_path / "0.04")["foot_float"] < 0.01
+
+
+def test_a_part_of_a_clip_is_edited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = file_of("walk", tmp_path)
+    whole = read_bvh(file).clip()
+    words = (f"clip={file}", "target.position=[0.1,0]", "target.relative=true", "pictures=false", "edit.repeat=1")
+    for frames, first in (("[20,119]", 20), ("[-100,-1]", whole.frames - 100)):
+        folder = tmp_path / str(first)
+        assert command(monkeypatch, folder, *words, f"edit.frames={frames}") == 0
+        part = read_bvh(folder / "edited.bvh").clip()
+        assert part.frames == metrics(folder)["frames"] == 100
+        assert (part.joint_positions()[0] - whole.joint_positions()[first]).abs().max() < 1e-4
+
+
 def test_nothing_asked_is_an_eighth_of_a_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert command(monkeypatch, tmp_path / "run", *OWN, "pictures=false") == 0
     path = root_path(read_bvh(tmp_path / "run" / "edited.bvh").clip())
@@ -230,6 +258,10 @@ def test_a_thing_without_feet_is_moved_and_says_so(
         (("clip=WALK", "edit.alpha=0"), "edit.alpha must be a number above 0, not 0."),
         (("clip=WALK", "edit.side=nan"), "edit.side must be a number above 0, not nan."),
         (("clip=WALK", "edit.repeat=0"), "edit.repeat must be from 1 to 1000, not 0."),
+        (("clip=WALK", "edit.rise=0.1"), "edit.rise=0.1 goes with edit.variant=paper and must be from -1 to 1 m."),
+        (("clip=WALK", "edit.frames=[3]"), "edit.frames must be the first and the last frame, not [3]."),
+        (("clip=WALK", "edit.frames=[5,6]"), "edit.frames=[5, 6] must be 3 frames at least of the clip's"),
+        (("clip=WALK", "edit.frames=[0,99999]"), "edit.frames=[0, 99999] must be 3 frames at least of the clip's"),
         (("clip=WALK", "edit.joints={left_hip: tail}"), "edit.joints.left_hip: there is no joint 'tail'."),
         (("clip=WALK", "edit.unit=furlong"), "furlong"),
         (("clip=WALK", "edit.variant=paper", "constraints=[{frame: 3, heading: 4}]"), "binds the last frame alone"),
