@@ -4,14 +4,12 @@
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hopdiff.doors import config_folder
-from hopdiff.editing.contacts import find_contacts, slide_numbers
-from hopdiff.editing.feet import clean_feet
-from hopdiff.editing.leg_joints import find_legs
+from hopdiff.editing.contacts import slide_numbers
 from hopdiff.editing.measure import path_measures
 from hopdiff.graph.graph import build_graph
 from hopdiff.graph.scene import Place, Scene
@@ -80,7 +78,6 @@ def build(call: Call) -> Work:
     way = find_way(graph, scene, start, goal, own.way)
 
     def work(folder: RunFolder) -> None:
-        walk, feet = _with_clean_feet(way)
         numbers = {
             "scene": scene.name,
             "clips": list(own.clips),
@@ -90,16 +87,16 @@ def build(call: Call) -> Work:
             **graph.numbers(),
             **way.numbers,
             **path_measures(way.graph_path, way.path, way.clip.frame_time),
-            **feet,
+            **_slides(way),
         }
         write_json(folder.path / "metrics.json", numbers)
-        files[0].with_motion(walk.clip).write(folder.path / "walk.bvh")
+        files[0].with_motion(way.clip).write(folder.path / "walk.bvh")
         pictures = {}
         if call.settings.pictures:
             half = own.way.half_width
             figures = {
-                "rooms": lambda: rooms_figure(scene, way.graph_path, way.path, start, goal, half, way.waypoints),
-                "strip": lambda: sticks_figure(walk.clip),
+                "rooms": lambda: rooms_figure(scene, way.graph_path, way.path, start, goal, half),
+                "strip": lambda: sticks_figure(way.clip),
             }
             pictures = write_pictures(folder.path, figures)
         final = {name: value for name, value in numbers.items() if isinstance(value, float)}
@@ -121,20 +118,16 @@ def place_of(what: str, given: Any, scene: Scene) -> Place:
     return Place((float(numbers[0]), float(numbers[1])), math.radians(float(numbers[2])))
 
 
-def _with_clean_feet(way: Way) -> tuple[Way, dict[str, float]]:
-    """The walk with feet that stand still, which blends do not leave them, and how still that is."""
-    legs = find_legs(way.graph_clip.skeleton)
-    if not legs:
-        return way, {}
-    contacts = find_contacts(way.graph_clip, legs)
-    clean = clean_feet(way.graph_clip, way.clip, legs, contacts, (0, way.clip.frames - 1), still=True)
-    stages = {"graph": way.graph_clip, "edited": way.clip, "cleaned": clean}
-    numbers = {
+def _slides(way: Way) -> dict[str, float]:
+    """How still the feet stand: as the graph blends them, after the edit, and as they were put right."""
+    if way.contacts is None:
+        return {}
+    stages = {"graph": way.graph_clip, "edited": way.edited_clip, "cleaned": way.clip}
+    return {
         f"{name}_{stage}": value
         for stage, clip in stages.items()
-        for name, value in slide_numbers(clip, contacts).items()
+        for name, value in slide_numbers(clip, way.contacts).items()
     }
-    return replace(way, clip=clean), numbers
 
 
 def summary(folder: Path, m: Mapping[str, Any]) -> str:
