@@ -52,7 +52,8 @@ class Body:
     def depth_at(self, space: FreeSpace, place: tuple[float, float], heading: float) -> Floats:
         """(T,) how deep the deepest part of every pose is in a wall or furniture with the root at a place [m]."""
         there = complex(place[1], place[0]) + np.exp(1j * heading) * self.parts
-        return depths(space, there).max(axis=1)
+        found: Floats = depths(space, there).max(axis=1)
+        return found
 
 
 def body_of(clip: Clip) -> Body:

@@ -18,13 +18,13 @@ import torch
 from hopdiff.editing.contacts import Contacts, find_contacts
 from hopdiff.editing.feet import clean_feet
 from hopdiff.editing.leg_joints import find_legs
-from hopdiff.editing.root_path import RootPath, root_path, with_root_path
+from hopdiff.editing.root_path import RootPath, path_of, root_path, steps_of, with_root_path
 from hopdiff.editing.targets import Constraint, EditedPath
 from hopdiff.geometry.clip import Clip
 from hopdiff.graph.blend import Piece, assemble
 from hopdiff.graph.body import body_of, groups, hits
 from hopdiff.graph.distance import as_complex
-from hopdiff.graph.graph import Complexes, MotionGraph
+from hopdiff.graph.graph import Complexes, Floats, MotionGraph
 from hopdiff.graph.moves import Moves
 from hopdiff.graph.scene import Place
 from hopdiff.graph.space import SPARE, FreeSpace
@@ -40,6 +40,7 @@ FURTHER = 1.2  # of what is needed; the frames beside the one that is pushed fol
 APART = 0.25  # s between frames that are pushed, at least
 HELD = 3.0  # s between frames that a long walk is held at where it was found, so that its end alone is bent
 BENT = 4.0  # m of way before the goal that are bent to meet it
+SOFT = 7  # frames over which bends begin and end
 HASTE = 1.3  # by which the fastest step and turn of an edited walk may exceed those of the clips and of the walk before
 
 
@@ -96,12 +97,14 @@ def finished(
     path is edited again.
     """
     pieces, frames = pieces_of(moves, found)
-    clip = _first(assemble(graph, pieces), frames)
-    before = root_path(clip)
-    if before.frames < 3:
+    source = _first(assemble(graph, pieces), frames)
+    own = root_path(source)
+    if own.frames < 3:
         return Miss.HASTE
+    before = _bent(own, moves, found)
+    clip = source if before is own else with_root_path(source, own, before)
     legs = find_legs(clip.skeleton)
-    contacts = find_contacts(clip, legs) if legs else None
+    contacts = find_contacts(source, legs) if legs else None
     body = body_of(clip)
     pins = _Pins(before, space, start, goal, clip.frame_time)
     for _ in range(ROUNDS):
@@ -117,7 +120,7 @@ def finished(
             edited = with_root_path(clip, before, after)
             clean = edited
             if contacts is not None:
-                clean = clean_feet(clip, edited, legs, contacts, (0, clip.frames - 1), still=True)
+                clean = clean_feet(source, edited, legs, contacts, (0, clip.frames - 1), still=True)
                 path = root_path(clean)
                 push = hits(space, as_complex(path.place).numpy(), body_of(clean).placed(path))
             if not push.any():
@@ -125,6 +128,24 @@ def finished(
         if not pins.add(after, push):
             return Miss.WALL
     return Miss.WALL
+
+
+def _bent(path: RootPath, moves: Moves, found: Found) -> RootPath:
+    """The path of the clips, bent as the search bent its moves; softly, over some frames."""
+    taken = list(found.moves)
+    if not moves.bend[taken].any():
+        return path
+    frames = moves.frames[taken]
+    kernel = np.full(SOFT, 1.0 / SOFT)
+
+    def spread(values: Floats) -> torch.Tensor:
+        padded = np.pad(np.repeat(values, frames), SOFT // 2, mode="edge")
+        return torch.from_numpy(np.convolve(padded, kernel, "valid")[: path.frames - 1])
+
+    steps = steps_of(path).clone()
+    steps[:, :2] *= spread(moves.share[taken])[:, None]
+    steps[:, 2] += spread(moves.bend[taken] / frames)
+    return path_of(steps, path.place[0], path.yaw[0])
 
 
 def _first(clip: Clip, frames: int) -> Clip:

@@ -19,10 +19,11 @@ GONE = {
 class WaySettings:
     """half_width: of the body, kept free around its path [m]. radius [m], angle_deg: how near to the goal the search
     ends; the edit does the rest. weight: of the distance to go against the time gone: 1 finds the quickest way, more
-    finds one sooner. blend_cost: what a transition counts for [s]. expansions: steps of the search, at most; a limit of
+    finds one sooner. blend_cost: what a transition counts for [s]. bend: how much the clips may be made to turn more
+    than they do, where they hold no walk as they are [degrees/s]. expansions: steps of the search, at most; a limit of
     time would let a busy machine find other ways than a free one. start, end: "any" frame of the graph or "standing"
     ones. start_frame: the one to start at, in place of those. tries: finished ways that are edited and checked, at
-    most.
+    most, in each of several searches.
     """
 
     half_width: float
@@ -30,6 +31,7 @@ class WaySettings:
     angle_deg: float
     weight: float
     blend_cost: float
+    bend: float
     expansions: int
     start: str
     start_frame: int | None
@@ -45,7 +47,7 @@ class WaySettings:
         for name in ("radius", "angle_deg", "expansions", "tries"):
             if not getattr(self, name) > 0:
                 raise HopdiffError(f"way.{name} must be above 0, not {getattr(self, name):g}.")
-        for name in ("half_width", "blend_cost"):
+        for name in ("half_width", "blend_cost", "bend"):
             if not getattr(self, name) >= 0:
                 raise HopdiffError(f"way.{name} must be 0 or more, not {getattr(self, name):g}.")
         if not self.weight >= 1:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -20,7 +20,7 @@ from hopdiff.editing.targets import edit_path as default_edit
 from hopdiff.graph.body import DEPTH, Body, bodies_of, said_depth
 from hopdiff.graph.finish import EditPath, Finished, Miss, finished, length_of, off
 from hopdiff.graph.graph import MotionGraph
-from hopdiff.graph.moves import moves_of, standing, stretches
+from hopdiff.graph.moves import Moves, bent, moves_of, standing, stretches
 from hopdiff.graph.scene import Place, Scene
 from hopdiff.graph.settings import WaySettings
 from hopdiff.graph.space import FreeSpace
@@ -28,11 +28,17 @@ from hopdiff.graph.way_search import NOWHERE, Allowance, Found, Goal, State, Way
 from hopdiff.types import HopdiffError
 
 ALIKE = {3: 3, 8: 6, 20: 12}  # of ways that differ in their last 3 moves only, 3 are tried, and so on
-# One search after the other, until one finds a walk: the states that one place and heading holds, how much more the
-# distance to go weighs, and the share of all steps that are done by its end. The first finds the shortest ways; more
-# weight leads a long way sooner, and few states lead out of dead ends.
-SEARCHES = ((None, 1.0, 0.15), (None, 1.5, 0.45), (16, 1.5, 0.7), (5, 2.0, 0.85), (None, 2.0, 1.0))
-
+# One search after the other, until one finds a walk: whether clips are bent, the states that one place and heading
+# holds, how much more the distance to go weighs, and the share of all steps that are done by its end. The first finds
+# the shortest ways; more weight leads a long way sooner, and few states lead out of dead ends.
+SEARCHES = (
+    (False, None, 1.0, 0.15),
+    (False, None, 1.5, 0.4),
+    (False, 16, 1.5, 0.6),
+    (True, None, 1.0, 0.7),
+    (True, 16, 1.5, 0.85),
+    (True, 5, 2.0, 1.0),
+)
 SMALLER = 0.8  # share of a gap that could not be closed without haste, which the next one may have at most
 
 
@@ -76,29 +82,29 @@ def find_way(
     ends = _that_fit(poses(graph, settings.end, "way.end"), body, space, "goal", goal)
     target = Goal(complex(goal.position[1], goal.position[0]), goal.heading, True)
     budget = Allowance(settings.expansions)
-    nearest, tried, exhausted = NOWHERE, 0, False
-    for crowd, more, share in SEARCHES:
+    nearest, tried, exhausted = NOWHERE, 0, {False: False, True: settings.bend == 0}
+    for bends, crowd, more, share in SEARCHES:
+        if exhausted[bends]:
+            continue
         heavy = replace(settings, weight=more * settings.weight)
         budget.most = round(share * settings.expansions)
-        search = WaySearch(moves, space, ways, target, ends, heavy, budget, body, crowd)
-        largest = math.inf
-        for found in islice(
-            _unlike(search.ways_from(states), lambda found: search.badness(found.gap) <= largest), settings.tries
-        ):
+        able = bent(moves, math.radians(settings.bend)) if bends else moves
+        search = WaySearch(able, space, ways, target, ends, heavy, budget, body, crowd)
+        for found in islice(_unlike(search.ways_from(states)), settings.tries):
+            if search.badness(found.gap) > search.largest:
+                continue
             tried += 1
-            walk = finished(graph, moves, space, found, start, goal, edit_path)
+            walk = finished(graph, able, space, found, start, goal, edit_path)
+            if isinstance(walk, Finished):
+                numbers = _numbers(walk, able, space, goal, found, budget.expansions, tried)
+                return Way(**vars(walk), numbers={"seconds": time.perf_counter() - begun, **numbers})
             if walk is Miss.HASTE:
                 # As large a gap would not do better.
-                largest = min(largest, SMALLER * search.badness(found.gap))
-            if isinstance(walk, Finished):
-                numbers = _numbers(walk, space, goal, found, budget.expansions, tried)
-                return Way(**vars(walk), numbers={"seconds": time.perf_counter() - begun, **numbers})
+                search.largest = min(search.largest, SMALLER * search.badness(found.gap))
         if search.badness(search.nearest) < search.badness(nearest):
             nearest = search.nearest
-        exhausted = search.exhausted
-        if exhausted:
-            break
-    raise HopdiffError(_failure(settings, budget, nearest, tried, exhausted))
+        exhausted[bends] = search.exhausted
+    raise HopdiffError(_failure(settings, budget, nearest, tried, all(exhausted.values())))
 
 
 def _failure(
@@ -124,10 +130,10 @@ def _failure(
     return f"no way to the goal was found {work}, with way.expansions={settings.expansions}: {near}."
 
 
-def _unlike(ways: Iterator[Found], wanted: Callable[[Found], bool]) -> Iterator[Found]:
+def _unlike(ways: Iterator[Found]) -> Iterator[Found]:
     """At most a few of those that differ in their last moves only: where one cannot be bent, they seldom can."""
     met: Counter[tuple[int, tuple[int, ...]]] = Counter()
-    for found in filter(wanted, ways):
+    for found in ways:
         families = {(last, (found.start.frame, *found.moves[:-last])): most for last, most in ALIKE.items()}
         if all(met[family] < most for family, most in families.items()):
             met.update(families.keys())
@@ -172,13 +178,14 @@ def _that_fit(able: NDArray[np.bool_], body: Body, space: FreeSpace, what: str, 
 
 
 def _numbers(
-    walk: Finished, space: FreeSpace, goal: Place, found: Found, expansions: int, tries: int
+    walk: Finished, moves: Moves, space: FreeSpace, goal: Place, found: Found, expansions: int, tries: int
 ) -> dict[str, float]:
     (gap, gap_yaw), (error, error_yaw) = (off(path, -1, goal) for path in (walk.graph_path, walk.path))
     return {
         "expansions": expansions,
         "tries": tries,
         "pins": walk.pins,
+        "bend_deg": math.degrees(float(np.abs(moves.bend[list(found.moves)]).sum())),
         "pieces": len(walk.pieces),
         "start_frame": found.start.frame,
         "frames": walk.clip.frames,

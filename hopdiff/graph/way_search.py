@@ -22,6 +22,7 @@ YAW_CELL = math.radians(15.0)
 NOWHERE = (math.inf, math.inf)
 SOONER = 1e-9  # s by which a state must be reached sooner than another of its cell to be looked at
 GAP_COST = 1.0  # s; what gaps as large as they may be count, one of place and one of heading
+BEND_COST = 0.3  # s; what a bend by a radian counts for
 PATIENCE = 4000  # nodes that are expanded after a first way to the goal was met, at most, until the best one is taken
 BATCH = 64  # nodes that are expanded together
 
@@ -96,10 +97,12 @@ class WaySearch:
         self.grid = space.grid
         self.radius, self.angle = settings.radius, math.radians(settings.angle_deg)
         self.nearest = NOWHERE
+        self.largest = 1.0  # gap, as a share of what may be left, that is looked at
         self.exhausted = self.crowded = False
         self.expansions = 0
         self._stretch = stretches(moves.graph)[1]
         self._cost = moves.frames * moves.graph.frame_time + settings.blend_cost * (moves.transition >= 0)
+        self._cost += BEND_COST * np.abs(moves.bend)
         self._turns = round(2.0 * math.pi / YAW_CELL)
         self._wide, self._long = (int(count * self.grid.cell / PLACE_CELL) + 2 for count in self.grid.shape)
         self._spots = self._wide * self._long * self._turns
@@ -178,13 +181,13 @@ class WaySearch:
         )
 
     def _fits(self, body: Body, move: Ints, places: Complexes, facing: Floats) -> NDArray[np.bool_]:
-        """Which moves keep all of the body out of walls, at every other of their places."""
-        raster, part = self.space.raster, slice(1, None, 2)
+        """Which moves keep all of the body out of walls, at all of their places."""
+        raster, part = self.space.raster, slice(None)
         shown, roots = self.moves.shown[move, part], places[:, part]
         row, column = np.nonzero(raster.at(roots) < body.reach[shown] + 2.0 * raster.cell)
         heading = facing[row] + self.moves.yaw[move, part][row, column]
         outline = roots[row, column, None] + np.exp(1j * heading)[:, None] * body.outline[shown[row, column]]
-        touching = (raster.at(outline) <= 0.0).any(axis=1)
+        touching = (raster.at(outline) <= raster.cell).any(axis=1)
         fits = np.ones(len(move), dtype=bool)
         fits[row[touching]] = False
         return fits
@@ -213,7 +216,7 @@ class WaySearch:
         # on smaller gaps. A point on the way need not be met.
         closing = GAP_COST * self.goal.last * (distance / self.radius + turn / self.angle)
         worth = self._nodes.gone[nodes] + passed * moves.graph.frame_time + closing
-        for k in np.flatnonzero(badness <= 1.0).tolist():
+        for k in np.flatnonzero(badness <= self.largest).tolist():
             gap = (float(distance[k]), float(turn[k]))
             heapq.heappush(self._finds, (float(worth[k]), len(self._ends)))
             self._ends.append(End(int(nodes[k]), int(move[k]), int(passed[k]), gap, complex(places[k, -1])))
@@ -222,7 +225,7 @@ class WaySearch:
         """From which places (N,) the straight way to the goal is free; what is near behind a wall is not near."""
         share = np.linspace(0.0, 1.0, max(2, math.ceil(self.radius / self.grid.cell)))[:-1]
         line = places[:, None] + share * (self.goal.place - places[:, None])
-        free: NDArray[np.bool_] = self.grid.free[self.grid.index(line)].all(axis=1)
+        free: NDArray[np.bool_] = np.all(self.grid.free[self.grid.index(line)], axis=1)
         return free
 
     def _push(self, frame: Ints, place: Complexes, yaw: Floats, gone: Floats, parent: Ints, move: Ints) -> None:
