@@ -40,7 +40,7 @@ SEARCHES = (
     (True, 16, 1.5, 0.85),
     (True, 5, 2.0, 1.0),
 )
-SMALLER = 0.8  # share of a gap that could not be closed without haste, which the next one may have at most
+SMALLER = 0.9  # share of the steepness that could not be bent without haste, which the next walk may have at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,16 +94,14 @@ def find_way(
         able = bent(moves, math.radians(settings.bend)) if bends else moves
         search = WaySearch(able, space, ways, target, ends, heavy, budget, body, crowd)
         for found in islice(_unlike(search.ways_from(states)), settings.tries):
-            if search.badness(found.gap) > search.largest:
-                continue
             tried += 1
             walk = finished(graph, able, space, found, start, goal, edit_path, ground)
             if isinstance(walk, Finished):
                 numbers = _numbers(walk, able, space, goal, found, budget.expansions, tried)
                 return Way(**vars(walk), numbers={"seconds": time.perf_counter() - begun, **numbers})
             if walk is Miss.HASTE:
-                # As large a gap would not do better.
-                search.largest = min(search.largest, SMALLER * search.badness(found.gap))
+                # As large a gap for as short a walk would not do better.
+                search.steepest = min(search.steepest, SMALLER * search.steepness(found))
         if search.badness(search.nearest) < search.badness(nearest):
             nearest = search.nearest
         exhausted[bends] = search.exhausted

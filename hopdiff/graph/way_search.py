@@ -97,7 +97,7 @@ class WaySearch:
         self.grid = space.grid
         self.radius, self.angle = settings.radius, math.radians(settings.angle_deg)
         self.nearest = NOWHERE
-        self.largest = 1.0  # gap, as a share of what may be left, that is looked at
+        self.steepest = math.inf  # ways that are told of
         self.exhausted = self.crowded = False
         self.expansions = 0
         self._stretch = stretches(moves.graph)[1]
@@ -117,6 +117,10 @@ class WaySearch:
         """A gap to the goal as a share of what may be left."""
         return max(gap[0] / self.radius, gap[1] / self.angle)
 
+    def steepness(self, found: Found) -> float:
+        """How much of a gap a found way leaves to each of its frames."""
+        return self.badness(found.gap) / found.frames
+
     def ways_from(self, starts: Sequence[State]) -> Iterator[Found]:
         """Ways to the goal, in the order in which the search meets them.
 
@@ -135,7 +139,9 @@ class WaySearch:
                 best = not self._queue or self._finds[0][0] <= self._queue[0][0]
                 if best or spent or self.expansions - met >= PATIENCE:
                     _, number = heapq.heappop(self._finds)
-                    yield self._chain(self._ends[number])
+                    found = self._chain(self._ends[number])
+                    if self.steepness(found) <= self.steepest:
+                        yield found
                     continue
             if spent or not self._queue:
                 self.exhausted = not (self._queue or self.crowded)
@@ -216,7 +222,7 @@ class WaySearch:
         # on smaller gaps. A point on the way need not be met.
         closing = GAP_COST * self.goal.last * (distance / self.radius + turn / self.angle)
         worth = self._nodes.gone[nodes] + passed * moves.graph.frame_time + closing
-        for k in np.flatnonzero(badness <= self.largest).tolist():
+        for k in np.flatnonzero(badness <= 1.0).tolist():
             gap = (float(distance[k]), float(turn[k]))
             heapq.heappush(self._finds, (float(worth[k]), len(self._ends)))
             self._ends.append(End(int(nodes[k]), int(move[k]), int(passed[k]), gap, complex(places[k, -1])))
