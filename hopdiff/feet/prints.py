@@ -45,6 +45,14 @@ class GroundMove:
     def shifted(self, by: Tensor) -> GroundMove:
         return GroundMove(self.turn, self.shift + by)
 
+    def path(self, path: RootPath) -> RootPath:
+        """A path moved."""
+        return RootPath(_about_y(self.turn, path.place) + self.shift, path.yaw + self.turn)
+
+    def back(self) -> GroundMove:
+        """What takes it back."""
+        return GroundMove(-self.turn, -_about_y(-self.turn, self.shift))
+
     def __call__(self, places: Tensor) -> Tensor:
         """Points (..., 3) moved [m]."""
         x, z = (_about_y(self.turn, places[..., [0, 2]]) + self.shift).unbind(-1)
