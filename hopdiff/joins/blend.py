@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import Leg
+from hopdiff.feet.reach import softened
 from hopdiff.feet.track import LegTrack, bent, leg_tracks
 from hopdiff.geometry.clip import Clip
 
@@ -97,6 +98,10 @@ def _step_over(fade: _Fade, own: LegTrack, was: LegTrack, now: LegTrack, rotatio
     lowest = torch.minimum(was.ankle[-1, 1], own.ankle[:, 1].min())
     x, y, z = ankle.unbind(-1)
     ankle = torch.stack((x, torch.maximum(y, lowest), z), dim=-1)
+    # A leg is drawn in rather than stretched out: nearly straight, its knee would jump.
+    gap = ankle - now.hip
+    distance = gap.norm(dim=-1)
+    ankle = now.hip + gap * (softened(now, distance) / distance.clamp_min(1e-9))[:, None]
     foot = None if own.foot is None or was.foot is None else fade.turns(own.foot, was.foot)
     still = torch.eye(3, dtype=torch.float64).expand(len(ankle), 3, 3)
     some = rotations.clone()

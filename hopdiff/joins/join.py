@@ -11,12 +11,13 @@ from torch import Tensor
 
 from hopdiff.editing.leg_joints import Leg
 from hopdiff.editing.root_path import root_path, with_root_path
-from hopdiff.feet.contacts import Contacts, contact_points, find_contacts
+from hopdiff.feet.contacts import Contacts, contact_points, find_contacts, spans
 from hopdiff.feet.planting import Planted, clean_feet
 from hopdiff.feet.prints import GroundMove
 from hopdiff.geometry.clip import Clip
 from hopdiff.joins.blend import blend_time, blended, reversed_clip
 
+GAP, SHORTEST = 0.1, 0.1  # s of a contact that is interrupted, and of one, at least
 LEVEL = 0.02  # m by which a blend may lift a foot or press it down for it to stand as in the walk
 
 
@@ -102,4 +103,20 @@ def _contacts(own: Contacts, mixed: Clip, walk: Clip, here: slice, before: Clip 
             found = find_contacts(clip, own.legs)
             parts.insert(place, found.touching)
             levels.insert(place, found.level)
-    return replace(own, touching=torch.cat(parts), level=torch.cat(levels))
+    first = 0 if before is None else before.frames
+    free = slice(first, first + here.stop - here.start)
+    touching = torch.stack([_whole(one, free, walk.frame_time) for one in torch.cat(parts).unbind(-1)], dim=-1)
+    return replace(own, touching=touching, level=torch.cat(levels))
+
+
+def _whole(touching: Tensor, free: slice, frame_time: float) -> Tensor:
+    """(T,) without the scraps of contacts that blends leave. free: the frames of the walk."""
+    found = touching.clone()
+    for first, last in spans(~touching):
+        inside = first > 0 and last < len(touching) - 1 and first < free.stop and last >= free.start
+        if inside and (last - first + 1) * frame_time < GAP:
+            found[first : last + 1] = True
+    for first, last in list(spans(found)):
+        if first > free.start and last < free.stop - 1 and (last - first + 1) * frame_time < SHORTEST:
+            found[first : last + 1] = False
+    return found

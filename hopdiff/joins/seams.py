@@ -8,6 +8,7 @@ frame of a clip, which have no whole window, can be chosen too.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -23,6 +24,8 @@ AHEAD = 0.15  # s that a joint's velocity counts for
 GLANCE = 1.0 / 30.0  # s over which it is taken
 SKIPPED = 0.02  # m that a second of the walk that is left out counts as
 MOST_SKIPPED, SHARE = 1.5, 1.0 / 3.0  # s, and of the walk, that are left out at an end at most
+ASTRAY = 0.15  # m that a walk counts as that must be bent by as much as it is long
+ARM = 0.5  # m; a turn by a radian counts as so far
 FREE = 0.5  # s between a seam and a frame of the walk that is bound
 
 
@@ -36,30 +39,79 @@ class Seam:
     move: GroundMove
 
 
-def entry(walk: Clip, before: Clip, bound: int | None = None) -> Seam:
-    """The frame of a walk that is likest to the end of another clip, near the walk's beginning.
+def seams(
+    walk: Clip, before: Clip | None, after: Clip | None, bound: Sequence[int] = ()
+) -> tuple[Seam | None, Seam | None]:
+    """The frame of a walk near its beginning that is likest to the end of the clip before, and the one near its end
+    that is likest to the beginning of the clip after; None where there is no such clip.
 
-    bound: the first frame that must not be left out. Raises HopdiffError if nothing is left before it.
+    Of those that are about as like, the two between which the walk goes about as far, and to the same side, as it
+    shall. bound: frames of the walk that must not be left out, nor lie near a seam. Raises HopdiffError, naming the
+    frame, if one does.
     """
-    last = _most(walk) if bound is None else min(_most(walk), bound - round(FREE / walk.frame_time))
-    if last < 0:
-        raise HopdiffError(
-            f"frame {bound} is bound, which leaves no {FREE:g} s after the clip before to get there (frame"
-            f" {round(FREE / walk.frame_time)} or a later one may be)."
-        )
-    return _likest(walk, torch.arange(last + 1), before, before.frames - 1)
+    most, room, end = _most(walk), round(FREE / walk.frame_time), walk.frames - 1
+    first = last = None
+    if before is not None:
+        high = min([most, *(frame - room for frame in bound)])
+        if high < 0:
+            raise HopdiffError(_too_near(min(bound), "before", f"{room} or a later"))
+        first = _Choices(walk, before, torch.arange(high + 1), at_end=True)
+    if after is not None:
+        low = max([end - most, *(frame + room for frame in bound)])
+        if low > end:
+            raise HopdiffError(_too_near(max(bound), "after", f"{end - room} or an earlier"))
+        last = _Choices(walk, after, torch.arange(low, end + 1), at_end=False)
+    if first is None or last is None:
+        begin, stop = (None if one is None else one.seam(int(one.cost.argmin())) for one in (first, last))
+        return begin, stop
+    cost = first.cost[:, None] + last.cost
+    if not bound:
+        cost = cost + ASTRAY * _astray(walk, first, last)
+    best = int(cost.argmin())
+    return first.seam(best // len(last.cost)), last.seam(best % len(last.cost))
 
 
-def exit_(walk: Clip, after: Clip, bound: int | None = None) -> Seam:
-    """The frame of a walk that is likest to the beginning of another clip, near the walk's end; see `entry`."""
-    end = walk.frames - 1
-    first = end - _most(walk) if bound is None else max(end - _most(walk), bound + round(FREE / walk.frame_time))
-    if first > end:
-        raise HopdiffError(
-            f"frame {bound} is bound, which leaves no {FREE:g} s to get to the clip after (frame"
-            f" {end - round(FREE / walk.frame_time)} or an earlier one may be)."
-        )
-    return _likest(walk, torch.arange(first, end + 1), after, 0)
+def _too_near(frame: int, which: str, may: str) -> str:
+    return (
+        f"frame {frame} is bound, which leaves no {FREE:g} s between it and the clip {which}: frame {may} one may be."
+    )
+
+
+class _Choices:
+    """Frames (K,) of a walk that may become the end of a clip before it (at_end) or the beginning of one after.
+
+    far: (K,) distances [m]. cost: (K,) the same with what is left out. turn (K,), shift (K,) complex: see `alignment`.
+    """
+
+    def __init__(self, walk: Clip, other: Clip, frames: Tensor, at_end: bool) -> None:
+        target = moments(other, torch.tensor([other.frames - 1 if at_end else 0]))
+        own = moments(walk, frames)
+        self.frames, self.far = frames, distances(target, own)[0]
+        left_out = frames if at_end else walk.frames - 1 - frames
+        self.cost = self.far + SKIPPED * walk.frame_time * left_out
+        self.turn, self.shift = alignment(target, torch.zeros_like(frames), own, torch.arange(len(frames)))
+
+    def there(self, walk: Clip) -> Tensor:
+        """(K,) complex: where the walk's root is at these frames, once it is laid there [m]."""
+        root = as_complex(walk.root_position.double()[self.frames][:, [0, 2]])
+        return torch.polar(torch.ones_like(self.turn), self.turn) * root + self.shift
+
+    def seam(self, k: int) -> Seam:
+        move = GroundMove(self.turn[k], torch.stack((self.shift[k].imag, self.shift[k].real)))
+        return Seam(int(self.frames[k]), float(self.far[k]), move)
+
+
+def _astray(walk: Clip, first: _Choices, last: _Choices) -> Tensor:
+    """(K, L) how far the walk between two frames, laid to the clip before, would end from where it shall and how far
+    turned, as a share of its way there."""
+    root = as_complex(walk.root_position.double()[:, [0, 2]])
+    way = torch.cat((torch.zeros(1, dtype=torch.float64), root.diff().abs().cumsum(0)))
+    turn = torch.polar(torch.ones_like(first.turn), first.turn)[:, None]
+    end = turn * root[last.frames] + first.shift[:, None]
+    turned = torch.remainder(last.turn - first.turn[:, None] + math.pi, math.tau) - math.pi
+    off = (last.there(walk) - end).abs() + ARM * turned.abs()
+    found: Tensor = off / (way[last.frames] - way[first.frames][:, None]).clamp_min(ARM)
+    return found
 
 
 def placed(clip: Clip, move: GroundMove) -> Clip:
@@ -86,13 +138,3 @@ def moments(clip: Clip, frames: Tensor | slice = slice(None)) -> Windows:
 def _most(walk: Clip) -> int:
     """Frames that may be left out."""
     return int(min(MOST_SKIPPED / walk.frame_time, SHARE * (walk.frames - 1)))
-
-
-def _likest(walk: Clip, frames: Tensor, other: Clip, at: int) -> Seam:
-    target, found = moments(other, torch.tensor([at])), moments(walk, frames)
-    far = distances(target, found)[0]
-    left_out = frames if at else walk.frames - 1 - frames
-    best = int((far + SKIPPED * walk.frame_time * left_out).argmin())
-    turn, shift = alignment(target, torch.tensor([0]), found, torch.tensor([best]))
-    move = GroundMove(turn[0], torch.stack((shift[0].imag, shift[0].real)))
-    return Seam(int(frames[best]), float(far[best]), move)

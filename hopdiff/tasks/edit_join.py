@@ -14,7 +14,7 @@ from hopdiff.io.bvh_file import BvhFile
 from hopdiff.joins.files import Neighbour, read_neighbour
 from hopdiff.joins.join import Joined, joined
 from hopdiff.joins.measure import seam_numbers
-from hopdiff.joins.seams import Seam, entry, exit_, placed
+from hopdiff.joins.seams import Seam, placed, seams
 from hopdiff.tasks.edit_request import Request
 
 FREE = 0.5  # s next to a seam in which a path that is followed binds no frame
@@ -26,6 +26,10 @@ class Neighbours:
 
     before: Neighbour | None
     after: Neighbour | None
+
+    @property
+    def two(self) -> tuple[Clip | None, Clip | None]:
+        return None if self.before is None else self.before.clip, None if self.after is None else self.after.clip
 
     @property
     def clips(self) -> list[Clip]:
@@ -64,9 +68,7 @@ def begun(clip: Clip, path: RootPath, contacts: Contacts | None, request: Reques
     """
     wished = request.constraints(path, clip.frame_time)[1] if request.wishes else []
     bound = [one.frame for one in wished]
-    before, after = neighbours.before, neighbours.after
-    begin = None if before is None else entry(clip, before.clip, min(bound, default=None))
-    end = None if after is None else exit_(clip, after.clip, max(bound, default=None))
+    begin, end = seams(clip, *neighbours.two, bound)
     first, last = 0 if begin is None else begin.frame, clip.frames - 1 if end is None else end.frame
     ends = [_end(path, seam, first) for seam in (begin, end) if seam is not None]
     laid = begin or (None if wished or request.curve is not None else end)
@@ -94,13 +96,11 @@ def _end(path: RootPath, seam: Seam, first: int) -> Constraint:
 
 def between(source: Clip, walk: Clip, neighbours: Neighbours, legs: Sequence[Leg], contacts: Contacts | None) -> Joined:
     """See `joined`."""
-    before, after = (None if one is None else one.clip for one in (neighbours.before, neighbours.after))
-    return joined(source, walk, before, after, legs, contacts)
+    return joined(source, walk, *neighbours.two, legs, contacts)
 
 
 def seams_said(
     made: Clip, whole: Joined, walk: Clip, neighbours: Neighbours
 ) -> tuple[dict[str, float | list[int]], list[str]]:
     """See `seam_numbers`."""
-    before, after = (None if one is None else one.clip for one in (neighbours.before, neighbours.after))
-    return seam_numbers(made, whole, [walk, *neighbours.clips], before, after)
+    return seam_numbers(made, whole, [walk, *neighbours.clips], *neighbours.two)
