@@ -20,6 +20,7 @@ from hopdiff.feet.track import LegTrack, bent, leg_tracks
 from hopdiff.geometry.clip import Clip
 
 SHORTEST, LONGEST = 0.4, 1.2  # s in which a difference is taken away
+QUICKEST = 0.25  # s that a foot has for it at least
 SHARE = 0.5  # of the walk at most
 
 
@@ -30,11 +31,19 @@ def blend_time(walk: Clip, other: Clip, at: int) -> float:
     return min(max(SHORTEST, math.sqrt(float(far))), LONGEST, SHARE * max(walk.duration, walk.frame_time))
 
 
-def blended(walk: Clip, before: Clip, seconds: float, legs: Sequence[Leg] = ()) -> Clip:
+def blended(
+    walk: Clip,
+    before: Clip,
+    seconds: float,
+    legs: Sequence[Leg] = (),
+    stands: Tensor | None = None,
+    stood: Tensor | None = None,
+) -> Clip:
     """The walk from the last pose of another clip on, of which it is the walk again after some seconds.
 
     Joints and root by their angles; legs so that ankles and feet go over in the world, never lower than where they
-    stand. For the end of a walk see `reversed_clip`.
+    stand, and are there when they land. stands: (T, L) bool, when feet of the walk do; stood: (L,) those that do in the
+    last frame before. For the end of a walk see `reversed_clip`.
     """
     fade = _Fade(walk, seconds)
     root = fade.places(walk.root_position, before.root_position)
@@ -45,10 +54,21 @@ def blended(walk: Clip, before: Clip, seconds: float, legs: Sequence[Leg] = ()) 
     made = replace(walk, root_position=root, rotations=rotations, offsets=offsets)
     own, was, now = (leg_tracks(clip, legs) for clip in (walk, before, made))
     for at in range(len(legs)):
-        _step_over(fade, own[at], was[at], now[at], rotations)
+        swing = seconds
+        if stands is not None and stood is not None:
+            swing = min(seconds, _swing(stands[:, at], bool(stood[at]), walk.frame_time))
+        _step_over(_Fade(walk, swing), own[at], was[at], now[at], rotations, fade.frames)
     # To the last digit, as angles and inverse kinematics are not.
     root[0], rotations[0] = before.root_position[-1].to(root), before.rotations[-1].to(rotations)
     return replace(made, root_position=root, rotations=rotations)
+
+
+def _swing(stands: Tensor, stood: bool, frame_time: float) -> float:
+    """Seconds in which a foot must be where the walk has it: until it lands, if it does not stand all the time."""
+    if bool(stands[0]):
+        return math.inf if stood else QUICKEST
+    landing = stands.nonzero().flatten()
+    return max(QUICKEST, int(landing[0]) * frame_time) if len(landing) else math.inf
 
 
 def reversed_clip(clip: Clip) -> Clip:
@@ -92,21 +112,25 @@ class _Fade:
         return (_matrix(self._faded(now, sooner)) @ own).to(walk)
 
 
-def _step_over(fade: _Fade, own: LegTrack, was: LegTrack, now: LegTrack, rotations: Tensor) -> None:
-    """Write a leg into rotations (T, J, 3, 3) whose foot goes from where it was over to that of the walk."""
+def _step_over(fade: _Fade, own: LegTrack, was: LegTrack, now: LegTrack, rotations: Tensor, frames: slice) -> None:
+    """Write some frames of a leg into rotations (T, J, 3, 3), whose foot goes from where it was to that of the walk."""
     ankle = fade.places(own.ankle, was.ankle)
-    lowest = torch.minimum(was.ankle[-1, 1], own.ankle[:, 1].min())
+    foot = None if own.foot is None or was.foot is None else fade.turns(own.foot, was.foot)
+    sunk = torch.minimum(was.ankle[-1, 1], own.ankle[:, 1].min()) - ankle[:, 1]
+    if own.ball is not None and was.ball is not None and own.foot is not None and foot is not None:
+        arm = own.foot.transpose(-1, -2) @ (own.ball - own.ankle).unsqueeze(-1)
+        ball = ankle[:, 1] + (foot @ arm)[:, 1, 0]
+        sunk = torch.maximum(sunk, torch.minimum(was.ball[-1, 1], own.ball[:, 1].min()) - ball)
     x, y, z = ankle.unbind(-1)
-    ankle = torch.stack((x, torch.maximum(y, lowest), z), dim=-1)
+    ankle = torch.stack((x, y + sunk.clamp_min(0.0), z), dim=-1)
     # A leg is drawn in rather than stretched out: nearly straight, its knee would jump.
     gap = ankle - now.hip
     distance = gap.norm(dim=-1)
     ankle = now.hip + gap * (softened(now, distance) / distance.clamp_min(1e-9))[:, None]
-    foot = None if own.foot is None or was.foot is None else fade.turns(own.foot, was.foot)
     still = torch.eye(3, dtype=torch.float64).expand(len(ankle), 3, 3)
     some = rotations.clone()
     bent(now, some, still, now.hip, ankle, foot, None)
-    rotations[fade.frames] = some[fade.frames]
+    rotations[frames] = some[frames]
 
 
 def _vector(rotations: Tensor) -> Tensor:
