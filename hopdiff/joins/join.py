@@ -17,7 +17,7 @@ from hopdiff.feet.prints import GroundMove
 from hopdiff.geometry.clip import Clip
 from hopdiff.joins.blend import blend_time, blended, reversed_clip
 
-GAP, SHORTEST = 0.1, 0.12  # s of a contact that is interrupted, and of one, at least
+GAP, SHORTEST = 0.1, 0.15  # s of a contact that is interrupted, and of one, at least
 SLOW = 0.3  # m/s that a blend may move a foot for it to stand
 LEVEL = 0.02  # m by which a blend may lift a foot or press it down for it to stand as in the walk
 
@@ -141,6 +141,6 @@ def _whole(touching: Tensor, free: slice, frame_time: float) -> Tensor:
         if inside and (last - first + 1) * frame_time < GAP:
             found[first : last + 1] = True
     for first, last in list(spans(found)):
-        if first > free.start and last < free.stop - 1 and (last - first + 1) * frame_time < SHORTEST:
+        if first >= free.start and last < free.stop and (last - first + 1) * frame_time < SHORTEST:
             found[first : last + 1] = False
     return found
