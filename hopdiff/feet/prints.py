@@ -16,7 +16,7 @@ FAR = 0.4  # m that the edit may lead a foot astray in one contact
 ARM = 0.4  # m; a turn by a radian counts as so far
 STEP_TIME = 0.45  # s of a step that is made where there was none
 LEAST_STAND = 0.12  # s that a foot stands between two of them
-HOLD = 0.03  # s before and after a contact in which a foot moves as in it: where it ends is a matter of thresholds
+HOLD = 0.02  # s before and after a contact in which a foot moves as in it: where it ends is a matter of thresholds
 SOON = 0.3  # s: a contact that begins in half of that, or ended in it, has no time to be elsewhere
 RAMP = 0.8  # s at most in which a foot goes over from its own place to the place of a contact
 
