@@ -41,11 +41,17 @@ class Joined:
     def kept(self) -> tuple[int, int]:
         return self.head, self.tail
 
-    def planted(self) -> Planted | None:
-        """With feet that stand still, None without legs; frames up to head and from tail on are what they were."""
+    def planted(self, everywhere: bool = False) -> Planted | None:
+        """With feet that stand still, None without legs; frames up to head and from tail on are what they were.
+
+        everywhere: whether slides of the walk itself are held, too, and not only those of blends.
+        """
         if self.contacts is None:
             return None
-        return clean_feet(self.source, self.clip, self.contacts, still=self.blends, kept=self.kept)
+        still = self.blends.clone()
+        if everywhere:
+            still[self.head + 1 : self.tail] = True
+        return clean_feet(self.source, self.clip, self.contacts, still=still, kept=self.kept)
 
 
 def joined(
