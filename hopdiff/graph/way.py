@@ -58,12 +58,14 @@ def find_way(
     settings: WaySettings,
     edit_path: EditPath = default_edit,
     ground: Ground | None = None,
+    ends_in: NDArray[np.bool_] | None = None,
 ) -> Way:
     """A walk from one place and heading to another that keeps the body's half width off everything, and all joints out
     of walls and furniture of any height, but for a centimetre.
 
     edit_path: takes a path, the constraints of its first and last frame, and the time between frames [s].
-    ground: what feet stand on, level if None.
+    ground: what feet stand on, level if None. ends_in: (N,) frames of the graph that it may end in, in place of those
+    of the settings.
     Raises HopdiffError, saying why, if there is no way: a place inside something, walls all around, or a search that
     found nothing, and then how near it came.
     """
@@ -82,7 +84,7 @@ def find_way(
         )
     moves, body = moves_of(graph), bodies_of(graph)
     states = start_states(graph, body, space, start, settings)
-    ends = _that_fit(poses(graph, settings.end, "way.end"), body, space, "goal", goal)
+    ends = _that_fit(poses(graph, settings.end, "way.end") if ends_in is None else ends_in, body, space, "goal", goal)
     target = Goal(complex(goal.position[1], goal.position[0]), goal.heading, True)
     budget = Allowance(settings.expansions)
     nearest, tried, exhausted = NOWHERE, 0, {False: False, True: settings.bend == 0}

@@ -15,26 +15,60 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import Leg
-from hopdiff.feet.reach import softened
+from hopdiff.feet.reach import REACH, SOFT
 from hopdiff.feet.track import LegTrack, bent, leg_tracks
 from hopdiff.geometry.clip import Clip
 
+GLANCE = 1.0 / 30.0  # s over which speeds are taken
+EASE = 0.6  # of the walk's largest acceleration that a blend may add
 SHORTEST, LONGEST = 0.4, 1.2  # s in which a difference is taken away
+SWIFT = 25.0  # rad/s above which a difference of turns is a leap from one axis to another
+QUICKEST = 0.25  # s that a foot has for it at least
 SHARE = 0.5  # of the walk at most
 
 
 def blend_time(walk: Clip, other: Clip, at: int) -> float:
     """Seconds that the first frame (at 0) or the last one (at -1) of a walk needs to come from a clip's last or first
-    frame: with the root of how far joints are apart, so that they are all accelerated alike."""
-    far = (walk.joint_positions()[at] - other.joint_positions()[-1 - at]).norm(dim=-1).max()
-    return min(max(SHORTEST, math.sqrt(float(far))), LONGEST, SHARE * max(walk.duration, walk.frame_time))
+    frame, for no joint to be accelerated more than joints are in the walk."""
+    first, before = (walk, other) if at == 0 else (reversed_clip(walk), reversed_clip(other))
+    here = first.joint_positions().double(), before.joint_positions().double()
+    return min(_needed(*here, walk.frame_time, SHORTEST), SHARE * max(walk.duration, walk.frame_time))
 
 
-def blended(walk: Clip, before: Clip, seconds: float, legs: Sequence[Leg] = ()) -> Clip:
+def _needed(walk: Tensor, before: Tensor, frame_time: float, least: float) -> float:
+    """Seconds that places (T, K, 3) need to come from those before (T', K, 3) on [m]."""
+    n = _glance(walk, before, frame_time)
+    far = (walk[0] - before[-1]).norm(dim=-1)
+    faster = ((walk[n] - walk[0]) - (before[-1] - before[-1 - n])).norm(dim=-1) / (n * frame_time)
+    m = max(1, min(round(GLANCE / frame_time), (len(walk) - 1) // 2))
+    jolts = (walk[2 * m :] - 2.0 * walk[m:-m] + walk[: -2 * m]).norm(dim=-1) / (m * frame_time) ** 2
+    most = EASE * float(jolts.max())
+    if most <= 0.0:
+        return LONGEST
+    # The polynomials of `_Fade` bend by 5.8 of what they take away over T^2, and by 3.9 of its speed over T.
+    speed = 3.9 * faster
+    seconds = (speed + (speed**2 + 4.0 * most * 5.8 * far).sqrt()) / (2.0 * most)
+    return min(max(least, float(seconds.max())), LONGEST)
+
+
+def _glance(walk: Tensor, before: Tensor, frame_time: float) -> int:
+    """Frames over which speeds are taken, as those from frame to frame are noise in quick captures."""
+    return max(1, min(round(GLANCE / frame_time), len(walk) - 1, len(before) - 1))
+
+
+def blended(
+    walk: Clip,
+    before: Clip,
+    seconds: float,
+    legs: Sequence[Leg] = (),
+    stands: Tensor | None = None,
+    stood: Tensor | None = None,
+) -> Clip:
     """The walk from the last pose of another clip on, of which it is the walk again after some seconds.
 
     Joints and root by their angles; legs so that ankles and feet go over in the world, never lower than where they
-    stand. For the end of a walk see `reversed_clip`.
+    stand, and are there when they land. stands: (T, L) bool, when feet of the walk do; stood: (L,) those that do in the
+    last frame before. For the end of a walk see `reversed_clip`.
     """
     fade = _Fade(walk, seconds)
     root = fade.places(walk.root_position, before.root_position)
@@ -45,10 +79,22 @@ def blended(walk: Clip, before: Clip, seconds: float, legs: Sequence[Leg] = ()) 
     made = replace(walk, root_position=root, rotations=rotations, offsets=offsets)
     own, was, now = (leg_tracks(clip, legs) for clip in (walk, before, made))
     for at in range(len(legs)):
-        _step_over(fade, own[at], was[at], now[at], rotations)
+        swing = seconds
+        if stands is not None and stood is not None:
+            quick = _needed(own[at].ankle[:, None], was[at].ankle[:, None], walk.frame_time, QUICKEST)
+            swing = min(seconds, _swing(stands[:, at], bool(stood[at]), quick, walk.frame_time))
+        _step_over(_Fade(walk, swing), own[at], was[at], now[at], rotations, fade.frames)
     # To the last digit, as angles and inverse kinematics are not.
     root[0], rotations[0] = before.root_position[-1].to(root), before.rotations[-1].to(rotations)
     return replace(made, root_position=root, rotations=rotations)
+
+
+def _swing(stands: Tensor, stood: bool, quickest: float, frame_time: float) -> float:
+    """Seconds in which a foot must be where the walk has it: until it lands, if it does not stand all the time."""
+    if bool(stands[0]):
+        return math.inf if stood else quickest
+    landing = stands.nonzero().flatten()
+    return max(quickest, int(landing[0]) * frame_time) if len(landing) else math.inf
 
 
 def reversed_clip(clip: Clip) -> Clip:
@@ -70,43 +116,54 @@ class _Fade:
         self.of_speed = count * (s - s**3 * (6.0 - 8.0 * s + 3.0 * s**2))
         self.frames = slice(0, count + 1)
 
-    def _faded(self, now: Tensor, sooner: Tensor) -> Tensor:
-        """(T, ...) of a difference at frame 0 and one frame sooner."""
+    def _faded(self, now: Tensor, change: Tensor) -> Tensor:
+        """(T, ...) of a difference at frame 0 and its change in a frame."""
         shape = (-1, *[1] * now.dim())
-        return self.of_place.reshape(shape) * now + self.of_speed.reshape(shape) * (now - sooner)
+        return self.of_place.reshape(shape) * now + self.of_speed.reshape(shape) * change
 
     def places(self, walk: Tensor, before: Tensor) -> Tensor:
         """Places (T, ...) of the walk from those before (T', ...) on."""
         own, was = walk.double(), before.double()
-        now, sooner = was[-1] - own[0], was[max(-2, -len(was))] - (2.0 * own[0] - own[1])
-        return (own + self._faded(now, sooner)).to(walk)
+        n = _glance(own, was, self.frame_time)
+        now, sooner = was[-1] - own[0], was[max(-1 - n, -len(was))] - (2.0 * own[0] - own[n])
+        return (own + self._faded(now, (now - sooner) / n)).to(walk)
 
     def turns(self, walk: Tensor, before: Tensor) -> Tensor:
         """Rotations (T, ..., 3, 3) of the walk from those before (T', ..., 3, 3) on."""
         own, was = walk.double(), before.double()
-        back = own[0] @ own[1].transpose(-1, -2) @ own[0]
+        n = _glance(own, was, self.frame_time)
+        back = own[0] @ own[n].transpose(-1, -2) @ own[0]
         now = _vector(was[-1] @ own[0].transpose(-1, -2))
-        sooner = _vector(was[max(-2, -len(was))] @ back.transpose(-1, -2))
+        change = (now - _vector(was[max(-1 - n, -len(was))] @ back.transpose(-1, -2))) / n
         # A turn of half a circle has two axes: one that changes sides has no speed.
-        sooner = torch.where((now - sooner).norm(dim=-1, keepdim=True) > math.pi / 2.0, now, sooner)
-        return (_matrix(self._faded(now, sooner)) @ own).to(walk)
+        swift = change.norm(dim=-1, keepdim=True) > SWIFT * self.frame_time
+        change = torch.where(swift, torch.zeros_like(change), change)
+        return (_matrix(self._faded(now, change)) @ own).to(walk)
 
 
-def _step_over(fade: _Fade, own: LegTrack, was: LegTrack, now: LegTrack, rotations: Tensor) -> None:
-    """Write a leg into rotations (T, J, 3, 3) whose foot goes from where it was over to that of the walk."""
+def _step_over(fade: _Fade, own: LegTrack, was: LegTrack, now: LegTrack, rotations: Tensor, frames: slice) -> None:
+    """Write some frames of a leg into rotations (T, J, 3, 3), whose foot goes from where it was to that of the walk."""
     ankle = fade.places(own.ankle, was.ankle)
-    lowest = torch.minimum(was.ankle[-1, 1], own.ankle[:, 1].min())
+    foot = None if own.foot is None or was.foot is None else fade.turns(own.foot, was.foot)
+    sunk = torch.minimum(was.ankle[-1, 1], own.ankle[:, 1].min()) - ankle[:, 1]
+    if own.ball is not None and was.ball is not None and own.foot is not None and foot is not None:
+        arm = own.foot.transpose(-1, -2) @ (own.ball - own.ankle).unsqueeze(-1)
+        ball = ankle[:, 1] + (foot @ arm)[:, 1, 0]
+        sunk = torch.maximum(sunk, torch.minimum(was.ball[-1, 1], own.ball[:, 1].min()) - ball)
     x, y, z = ankle.unbind(-1)
-    ankle = torch.stack((x, torch.maximum(y, lowest), z), dim=-1)
+    ankle = torch.stack((x, y + sunk.clamp_min(0.0), z), dim=-1)
     # A leg is drawn in rather than stretched out: nearly straight, its knee would jump.
     gap = ankle - now.hip
     distance = gap.norm(dim=-1)
-    ankle = now.hip + gap * (softened(now, distance) / distance.clamp_min(1e-9))[:, None]
-    foot = None if own.foot is None or was.foot is None else fade.turns(own.foot, was.foot)
+    span = torch.maximum(own.span, torch.lerp(own.span, was.span[-1].expand_as(own.span), fade.of_place))
+    low = span.clamp_min(SOFT) * now.length
+    more, room = (distance - low).clamp_min(0.0), (REACH * now.length - low).clamp_min(1e-4)
+    drawn = torch.minimum(distance, low) + room * (1.0 - torch.exp(-more / room))
+    ankle = now.hip + gap * (drawn / distance.clamp_min(1e-9))[:, None]
     still = torch.eye(3, dtype=torch.float64).expand(len(ankle), 3, 3)
     some = rotations.clone()
     bent(now, some, still, now.hip, ankle, foot, None)
-    rotations[fade.frames] = some[fade.frames]
+    rotations[frames] = some[frames]
 
 
 def _vector(rotations: Tensor) -> Tensor:

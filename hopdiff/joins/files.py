@@ -34,6 +34,26 @@ class Neighbour:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """The clips before and after a walk; at least one."""
+
+    before: Neighbour | None
+    after: Neighbour | None
+
+    @property
+    def two(self) -> tuple[Clip | None, Clip | None]:
+        return None if self.before is None else self.before.clip, None if self.after is None else self.after.clip
+
+    @property
+    def clips(self) -> list[Clip]:
+        return [one.clip for one in (self.before, self.after) if one is not None]
+
+    @property
+    def notes(self) -> list[str]:
+        return [note for one in (self.before, self.after) if one is not None for note in one.notes]
+
+
 def read_neighbour(path: str | os.PathLike[str], walk: BvhFile, walk_name: str) -> Neighbour:
     """A clip before or after a walk, in the scene as it is written.
 
@@ -70,11 +90,12 @@ def _clip(walk: BvhFile, values: Tensor) -> Clip:
     return replace(walk, values=torch.cat((walk.values[:1], values))).clip().part(slice(1, None))
 
 
-def together(walk: BvhFile, clip: Clip, before: Neighbour | None, after: Neighbour | None) -> BvhFile:
+def together(walk: BvhFile, clip: Clip, neighbours: Neighbours) -> BvhFile:
     """The walk's file with the motion of all three: rows of the clips before and after as they are.
 
     clip: all of it. Raises HopdiffError where the motion needs channels that the file lacks.
     """
+    before, after = neighbours.before, neighbours.after
     head = 0 if before is None else len(before.values)
     tail = 0 if after is None else len(after.values)
     # Angles of the walk go on from those before.

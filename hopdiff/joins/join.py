@@ -17,7 +17,8 @@ from hopdiff.feet.prints import GroundMove
 from hopdiff.geometry.clip import Clip
 from hopdiff.joins.blend import blend_time, blended, reversed_clip
 
-GAP, SHORTEST = 0.1, 0.1  # s of a contact that is interrupted, and of one, at least
+GAP, SHORTEST = 0.1, 0.15  # s of a contact that is interrupted, and of one, at least
+SLOW = 0.3  # m/s that a blend may move a foot for it to stand
 LEVEL = 0.02  # m by which a blend may lift a foot or press it down for it to stand as in the walk
 
 
@@ -40,11 +41,17 @@ class Joined:
     def kept(self) -> tuple[int, int]:
         return self.head, self.tail
 
-    def planted(self) -> Planted | None:
-        """With feet that stand still, None without legs; frames up to head and from tail on are what they were."""
+    def planted(self, everywhere: bool = False) -> Planted | None:
+        """With feet that stand still, None without legs; frames up to head and from tail on are what they were.
+
+        everywhere: whether slides of the walk itself are held, too, and not only those of blends.
+        """
         if self.contacts is None:
             return None
-        return clean_feet(self.source, self.clip, self.contacts, still=self.blends, kept=self.kept)
+        still = self.blends.clone()
+        if everywhere:
+            still[self.head + 1 : self.tail] = True
+        return clean_feet(self.source, self.clip, self.contacts, still=still, kept=self.kept)
 
 
 def joined(
@@ -62,13 +69,20 @@ def joined(
     """
     edit = GroundMove.between(root_path(source), root_path(walk))
     mixed, frames = walk, torch.zeros(walk.frames, dtype=torch.bool)
+    stands = None if contacts is None else _stands(contacts)
+    others = [None if contacts is None or one is None else find_contacts(one, contacts.legs) for one in (before, after)]
+    stood = [None if one is None else _stands(one) for one in others]
     if before is not None:
         seconds = blend_time(walk, before, 0)
-        mixed = blended(mixed, before, seconds, legs)
+        mixed = blended(mixed, before, seconds, legs, stands, None if stood[0] is None else stood[0][-1])
         frames[: round(seconds / walk.frame_time) + 1] = True
     if after is not None:
         seconds = blend_time(walk, after, -1)
-        mixed = reversed_clip(blended(reversed_clip(mixed), reversed_clip(after), seconds, legs))
+        back = None if stands is None else stands.flip(0)
+        mixed = blended(
+            reversed_clip(mixed), reversed_clip(after), seconds, legs, back, None if stood[1] is None else stood[1][0]
+        )
+        mixed = reversed_clip(mixed)
         frames[-round(seconds / walk.frame_time) - 1 :] = True
     first, stop = int(before is not None), walk.frames - int(after is not None)
     parts = [one for one in (before, mixed.part(slice(first, stop)), after) if one is not None]
@@ -78,11 +92,11 @@ def joined(
     at = torch.cat((at, torch.full((rest,), walk.frames - 1)))
     path = root_path(clip)
     whole = with_root_path(clip, path, GroundMove(edit.turn[at], edit.shift[at]).back().path(path))
-    stood = None if contacts is None else _contacts(contacts, mixed, walk, slice(first, stop), before, after)
+    made = None if contacts is None else _contacts(contacts, mixed, walk, slice(first, stop), *others)
     head, tail = max(0, count - 1), clip.frames - max(1, rest)
     blends = frames[at]
     blends[:count], blends[clip.frames - rest :] = False, False
-    return Joined(clip, whole, stood, head, tail, blends)
+    return Joined(clip, whole, made, head, tail, blends)
 
 
 def _together(clips: Sequence[Clip]) -> Clip:
@@ -93,17 +107,33 @@ def _together(clips: Sequence[Clip]) -> Clip:
     )
 
 
-def _contacts(own: Contacts, mixed: Clip, walk: Clip, here: slice, before: Clip | None, after: Clip | None) -> Contacts:
-    """Contacts of the whole: of each clip its own, but for feet that a blend keeps off the ground."""
-    off = (contact_points(mixed, own) - contact_points(walk, own))[..., 1].abs()
-    parts = [(own.touching & (off < LEVEL))[here]]
-    levels = [own.level[here]]
-    for place, clip in ((0, before), (2, after)):
-        if clip is not None:
-            found = find_contacts(clip, own.legs)
+def _stands(contacts: Contacts) -> Tensor:
+    """(T, L) when feet stand."""
+    return torch.stack([contacts.stands(k) for k in range(len(contacts.legs))], dim=-1)
+
+
+def _contacts(
+    own: Contacts, mixed: Clip, walk: Clip, here: slice, before: Contacts | None, after: Contacts | None
+) -> Contacts:
+    """Contacts of the whole: of each clip its own, but for feet that a blend keeps off the ground or moves."""
+    points = contact_points(mixed, own)
+    off = points - contact_points(walk, own)
+    moved = torch.gradient(off[..., [0, 2]], spacing=walk.frame_time, dim=0)[0].norm(dim=-1)
+    stays = own.touching & (off[..., 1].abs() < LEVEL)
+    slow = moved < SLOW
+    for k, column in enumerate(stays.unbind(-1)):
+        for first, last in list(spans(column)):
+            # One that goes on from the clip before, or into the one after, is held there, however far a blend is off.
+            joined_on = first == 0 and before is not None and bool(before.touching[-1, k])
+            joined_on |= last == len(column) - 1 and after is not None and bool(after.touching[0, k])
+            if not joined_on:
+                column[first : last + 1] &= slow[first : last + 1, k]
+    parts, levels = [stays[here]], [own.level[here]]
+    for place, found in ((0, before), (2, after)):
+        if found is not None:
             parts.insert(place, found.touching)
             levels.insert(place, found.level)
-    first = 0 if before is None else before.frames
+    first = 0 if before is None else len(before.touching)
     free = slice(first, first + here.stop - here.start)
     touching = torch.stack([_whole(one, free, walk.frame_time) for one in torch.cat(parts).unbind(-1)], dim=-1)
     return replace(own, touching=touching, level=torch.cat(levels))
@@ -117,6 +147,6 @@ def _whole(touching: Tensor, free: slice, frame_time: float) -> Tensor:
         if inside and (last - first + 1) * frame_time < GAP:
             found[first : last + 1] = True
     for first, last in list(spans(found)):
-        if first > free.start and last < free.stop - 1 and (last - first + 1) * frame_time < SHORTEST:
+        if first >= free.start and last < free.stop and (last - first + 1) * frame_time < SHORTEST:
             found[first : last + 1] = False
     return found

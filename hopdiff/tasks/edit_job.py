@@ -22,7 +22,8 @@ from hopdiff.feet.planting import Planted, clean_feet
 from hopdiff.feet.quality import quality_of, standing_numbers
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import BvhFile
-from hopdiff.tasks.edit_join import Neighbours, begun, between, seams_said
+from hopdiff.joins.files import Neighbours
+from hopdiff.tasks.edit_join import begun, between, seams_said
 from hopdiff.tasks.edit_request import EditSettings, Request
 from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from hopdiff.editing.leg_joints import Leg
 from hopdiff.editing.root_path import RootPath
@@ -11,33 +12,13 @@ from hopdiff.editing.targets import Constraint
 from hopdiff.feet.contacts import Contacts
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh_file import BvhFile
-from hopdiff.joins.files import Neighbour, read_neighbour
+from hopdiff.joins.files import Neighbours, read_neighbour
 from hopdiff.joins.join import Joined, joined
 from hopdiff.joins.measure import seam_numbers
 from hopdiff.joins.seams import Seam, placed, seams
 from hopdiff.tasks.edit_request import Request
 
 FREE = 0.5  # s next to a seam in which a path that is followed binds no frame
-
-
-@dataclass(frozen=True, eq=False)
-class Neighbours:
-    """The clips before and after a walk; at least one."""
-
-    before: Neighbour | None
-    after: Neighbour | None
-
-    @property
-    def two(self) -> tuple[Clip | None, Clip | None]:
-        return None if self.before is None else self.before.clip, None if self.after is None else self.after.clip
-
-    @property
-    def clips(self) -> list[Clip]:
-        return [one.clip for one in (self.before, self.after) if one is not None]
-
-    @property
-    def notes(self) -> list[str]:
-        return [note for one in (self.before, self.after) if one is not None for note in one.notes]
 
 
 def read_neighbours(before: str | None, after: str | None, walk: BvhFile, name: str) -> Neighbours | None:
@@ -104,3 +85,12 @@ def seams_said(
 ) -> tuple[dict[str, float | list[int]], list[str]]:
     """See `seam_numbers`."""
     return seam_numbers(made, whole, [walk, *neighbours.clips], *neighbours.two)
+
+
+def seam_rows(m: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What the table at the end of an edit or a way says of its seams."""
+    if "seam_frames" not in m:
+        return []
+    frames = " and ".join(str(frame) for frame in m["seam_frames"])
+    ratios = f"speed x {m['seam_speed_ratio']:.2f}, acceleration x {m['seam_acceleration_ratio']:.2f}"
+    return [("seams", f"frame {frames}: {ratios} of the clips' largest")]

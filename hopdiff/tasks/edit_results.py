@@ -22,6 +22,7 @@ from hopdiff.plots.edit import edit_figure
 from hopdiff.plots.feet import feet_figure
 from hopdiff.plots.sticks import sticks_figure
 from hopdiff.tasks.edit_job import Edit
+from hopdiff.tasks.edit_join import seam_rows
 from hopdiff.tasks.edit_request import Request
 from hopdiff.tasks.results import Figures, shown, write_pictures
 from hopdiff.terrain.ground import Ground
@@ -39,7 +40,7 @@ def write_edit(folder: Path, edit: Edit, request: Request, settings: Mapping[str
     if source.file is None:
         write_bvh(folder / "edited.bvh", edit.clip)
     elif edit.neighbours is not None:
-        together(source.file, edit.clip, edit.neighbours.before, edit.neighbours.after).write(folder / "edited.bvh")
+        together(source.file, edit.clip, edit.neighbours).write(folder / "edited.bvh")
     else:
         source.file.with_motion(edit.clip).write(folder / "edited.bvh")
     if source.known and edit.planted is not None:
@@ -106,15 +107,7 @@ def edit_summary(folder: Path, edit: Edit) -> str:
         slides = ", ".join(f"{100 * m[f'slide_speed_{stage}']:.1f}" for stage in stages)
         drifts = ", ".join(f"{100 * m[f'drift_{stage}']:.1f}" for stage in stages)
         rows.append(("feet", f"slide {slides} cm/s, drift {drifts} cm (source, edited, cleaned)"))
-    if "seam_frames" in m:
-        frames = " and ".join(str(frame) for frame in m["seam_frames"])
-        rows.append(
-            (
-                "seams",
-                f"frame {frames}: speed x {m['seam_speed_ratio']:.2f},"
-                f" acceleration x {m['seam_acceleration_ratio']:.2f} of the clips' largest",
-            )
-        )
+    rows += seam_rows(m)
     rows.append(("took", f"{m['ms_set_up'] + m['ms_solve']:.1f} ms for the path, {m['ms_all']:.0f} ms in all"))
     rows += [("note", warning) for warning in edit.warnings]
     rows.append(("files", shown(folder)))

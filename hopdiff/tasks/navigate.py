@@ -24,10 +24,13 @@ from hopdiff.io.bvh import read_bvh
 from hopdiff.io.events import write_events
 from hopdiff.io.record import write_json
 from hopdiff.io.run_folder import Note, RunFolder
+from hopdiff.joins.files import together
 from hopdiff.messages import say, typed_names, unknown
 from hopdiff.plots.rooms import rooms_figure
 from hopdiff.plots.sticks import sticks_figure
 from hopdiff.tasks.base import Call, Task, Work
+from hopdiff.tasks.edit_join import read_neighbours, seam_rows
+from hopdiff.tasks.navigate_join import asked, joined_way
 from hopdiff.tasks.results import shown, write_pictures
 from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
@@ -43,11 +46,14 @@ class GraphSettings:
 
 @dataclass
 class NavigateTask:
-    """clips: BVH files of one skeleton. scene: a name or a YAML file. start, goal: a place of the scene by name, or
-    [x, z, heading in degrees]. way, graph: how the way is looked for, and among which motions. ground: what feet stand
+    """clips: BVH files of one skeleton. before, after: files of it that the walk goes on from and leads to, in place of
+    start and goal. scene: a name or a YAML file. start, goal: a place of the scene by name, or [x, z, heading in
+    degrees]. way, graph: how the way is looked for, and among which motions. ground: what feet stand
     on, see `hopdiff.grounds`."""
 
     clips: list[str]
+    before: str | None
+    after: str | None
     scene: str
     start: Any
     goal: Any
@@ -78,12 +84,25 @@ def build(call: Call) -> Work:
     own.way.check()
     scene = read_scene(scene_file(own.scene, config_folder() / "scenes"))
     ground = ground_of(call, scene)
-    start, goal = (place_of(what, one, scene) for what, one in (("start", own.start), ("goal", own.goal)))
+    start, goal = (
+        Place((0.0, 0.0), 0.0) if given is not None else place_of(what, one, scene)
+        for what, one, given in (("start", own.start, own.before), ("goal", own.goal, own.after))
+    )
     files = [read_bvh(name) for name in own.clips]
     begun = time.perf_counter()
     graph = build_graph([file.clip() for file in files], own.graph.threshold, own.graph.window)
     built = time.perf_counter() - begun
-    way = find_way(graph, scene, start, goal, own.way, ground=ground)
+    neighbours = read_neighbours(own.before, own.after, files[0], Path(own.clips[0]).name)
+    settings, ends_in = own.way, None
+    if neighbours is not None:
+        told = asked(graph, neighbours, start, goal, settings, ground)
+        start, goal, settings, ends_in = told.start, told.goal, told.settings, told.ends_in
+    found = find_way(graph, scene, start, goal, settings, ground=ground, ends_in=ends_in)
+    seams: dict[str, float | list[int]] = {}
+    said: list[str] = []
+    way = found
+    if neighbours is not None:
+        way, seams, said = joined_way(found, neighbours, graph.clips[0])
 
     def work(folder: RunFolder) -> None:
         quality = None
@@ -97,7 +116,8 @@ def build(call: Call) -> Work:
             "graph_seconds": built,
             **graph.numbers(),
             **way.numbers,
-            **path_measures(way.graph_path, way.path, way.clip.frame_time),
+            **path_measures(found.graph_path, found.path, way.clip.frame_time),
+            **seams,
             **_slides(way),
             **({} if quality is None else quality.numbers),
         }
@@ -106,7 +126,8 @@ def build(call: Call) -> Work:
             # Exports then need not find out again when feet stand.
             take = Take.of_clip(f"walk_{scene.name}", way.clip, numbers, way.planted.touching)
             write_npz(folder.path / "motion.npz", take)
-        files[0].with_motion(way.clip).write(folder.path / "walk.bvh")
+        file = files[0].with_motion(way.clip) if neighbours is None else together(files[0], way.clip, neighbours)
+        file.write(folder.path / "walk.bvh")
         pictures = {}
         if call.settings.pictures:
             half = own.way.half_width
@@ -121,6 +142,8 @@ def build(call: Call) -> Work:
             f"{Path(name).name}: {note}" for name, file in zip(own.clips, files, strict=True) for note in file.notes
         ]
         folder.notes = [Note("clip", note) for note in notes]
+        folder.notes += [Note("walk", sentence) for sentence in said]
+        notes += said
         if quality is not None:
             folder.notes += [Note("walk", sentence) for sentence in quality.sentences]
             notes += quality.sentences
@@ -181,6 +204,7 @@ def summary(folder: Path, m: Mapping[str, Any], notes: Sequence[str] = ()) -> st
     if "slide_speed_cleaned" in m:
         slides = ", ".join(f"{100 * m[f'slide_speed_{stage}']:.1f}" for stage in ("graph", "edited", "cleaned"))
         rows.append(("feet", f"slide {slides} cm/s (graph, edited, cleaned)"))
+    rows += seam_rows(m)
     rows += [("note", note) for note in notes]
     rows.append(("files", shown(folder)))
     return "\n".join(f"{name:<9} {text}" for name, text in rows)
