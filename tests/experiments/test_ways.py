@@ -99,10 +99,12 @@ def test_the_warehouse_is_nearly_two_hundred_metres_long() -> None:
 def test_the_study_goes_on_where_it_stopped_and_judges(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    from experiments.report import read_table
     from experiments.ways import __main__ as study
+    from experiments.ways.scenes import Pair
 
     # Places from which the person who is made by rule gets to the other.
-    pair = study.Pair((2.0, 1.0, 0.0), (2.0, 8.0, 0.0))
+    pair = Pair((2.0, 1.0, 0.0), (2.0, 8.0, 0.0))
     monkeypatch.setattr(study, "SCENES", {"rooms": lambda: ROOMS})
     monkeypatch.setattr(study, "pairs", lambda data, count, seed: [pair] * count)
     clip = file_of("wander", tmp_path)
@@ -115,7 +117,7 @@ def test_the_study_goes_on_where_it_stopped_and_judges(
     first = (tmp_path / "ways.csv").read_text(encoding="utf-8")
     study.main([*arguments, "--pairs", "1", "--busy", "1"])
     assert (tmp_path / "ways.csv").read_text(encoding="utf-8") == first
-    row = study.read_table(tmp_path / "ways.csv")[0]
+    row = read_table(tmp_path / "ways.csv")[0]
     assert float(row["off"]) < 1e-5
     assert "**no**" in study.report([{**row, "depth": 0.02}], "wander")
     assert "**no**" in study.report([{**row, "detour": 1.2}], "wander")
