@@ -35,9 +35,14 @@ class Plan:
         return {"name": self.name, "rooms": self.rooms, **{name: part for name, part in parts.items() if part}}
 
 
+def _cm(number: float) -> float:
+    """Rounded to the centimetre, and no longer numpy's."""
+    return round(float(number), 2)
+
+
 def corners(rectangle: Rectangle) -> list[list[float]]:
     """The outline of a rectangle, in centimetres' steps [m]."""
-    low_x, low_z, high_x, high_z = (round(number, 2) for number in rectangle)
+    low_x, low_z, high_x, high_z = (_cm(number) for number in rectangle)
     return [[low_x, low_z], [high_x, low_z], [high_x, high_z], [low_x, high_z]]
 
 
@@ -103,7 +108,7 @@ def _doors(rng: np.random.Generator, parts: list[Rectangle]) -> Data | None:
                 if beside and high - low > DOOR + 0.3:
                     at = rng.uniform(low + DOOR / 2 + 0.1, high - DOOR / 2 - 0.1)
                     ends = [[first[x + 2], at], [second[x], at]]
-                    possible.append((a, b, [[round(n, 2) for n in (end if x == 0 else end[::-1])] for end in ends]))
+                    possible.append((a, b, [[_cm(n) for n in (end if x == 0 else end[::-1])] for end in ends]))
     order = rng.permutation(len(possible))
     group = list(range(len(parts)))
     doors: Data = {}
@@ -145,10 +150,10 @@ def hall(seed: int, long: float = 50.0, wide: float = 16.0) -> Data:
     rng = np.random.default_rng(seed)
     plan = Plan(f"hall_{seed}", rooms={"hall": corners((0.0, 0.0, wide, long))})
     for k, at in enumerate((0.33, 0.67)):
-        z = round(at * long, 2)
-        x = round(rng.uniform(1.0, wide - 1.0 - DOOR), 2)
+        z = _cm(at * long)
+        x = _cm(rng.uniform(1.0, wide - 1.0 - DOOR))
         plan.walls[f"across_{k + 1}_left"] = {"from": [0.0, z], "to": [x, z], "thickness": WALL}
-        plan.walls[f"across_{k + 1}_right"] = {"from": [round(x + DOOR, 2), z], "to": [wide, z], "thickness": WALL}
+        plan.walls[f"across_{k + 1}_right"] = {"from": [_cm(x + DOOR), z], "to": [wide, z], "thickness": WALL}
     for k in range(22):
         _put(rng, plan, f"wall_{k + 1}", (wide, long), wall=True)
     for k in range(22):
@@ -165,7 +170,7 @@ def _put(rng: np.random.Generator, plan: Plan, name: str, size: tuple[float, flo
             end = [x + length * np.cos(turn), z + length * np.sin(turn)]
             if not (0.0 < end[0] < size[0] and 0.0 < end[1] < size[1]):
                 continue
-            ends = [[round(float(n), 2) for n in point] for point in ([x, z], end)]
+            ends = [[_cm(n) for n in point] for point in ([x, z], end)]
             plan.walls[name] = {"from": ends[0], "to": ends[1], "thickness": WALL}
         else:
             plan.furniture[name] = corners((x, z, x + rng.uniform(0.4, 2.0), z + rng.uniform(0.4, 2.0)))
@@ -186,8 +191,8 @@ def warehouse(seed: int, wide: float = 40.0, bays: int = 5, deep: float = 8.0) -
         low = k * (deep + WALL)
         plan.rooms[f"bay_{k + 1}"] = corners((0.0, low, wide, low + deep))
         if k:
-            x = round(wide - 1.0 if k % 2 else 1.0, 2)
-            ends = {"from": [x, round(low - WALL, 2)], "to": [x, round(low, 2)]}
+            x = wide - 1.0 if k % 2 else 1.0
+            ends = {"from": [x, _cm(low - WALL)], "to": [x, _cm(low)]}
             plan.passages[f"door_{k}"] = {"between": [f"bay_{k}", f"bay_{k + 1}"], **ends, "width": DOOR}
         for row in range(2):
             z = low + 2.2 + 2.8 * row

@@ -13,7 +13,7 @@ from hopdiff.graph.graph import Complexes, Floats, Ints, MotionGraph
 
 STRIDE = 1.0 / 6.0  # s between the frames at which a walk along a clip may be left
 SAMPLES = 8  # of a move, at which places are checked
-# How clips are bent: shares of the rate that is asked for, and of the way that is gone; short steps turn more tightly.
+# How clips are bent: shares of the rate that is asked for, and of the way that is gone: short steps turn tightly.
 BENDS = ((1.0, 1.0), (-1.0, 1.0), (0.5, 1.0), (-0.5, 1.0), (1.0, 0.4), (-1.0, 0.4))
 STANDING = 0.15  # m/s; slower is standing
 

@@ -198,9 +198,11 @@ def summary(folder: Path, m: Mapping[str, Any], notes: Sequence[str] = ()) -> st
         (
             "edited",
             f"{1000 * m['end_error']:.2f} mm and {m['end_error_deg']:.3f} deg off; middle {m['clearance']:.2f} m or"
-            " more from everything",
+            " more from everything, no joint more than 1 cm inside anything",
         ),
     ]
+    if m["bend_deg"]:
+        rows.append(("bent", f"{m['bend_deg']:.0f} deg in all: the clips hold no such walk as they are"))
     if "slide_speed_cleaned" in m:
         slides = ", ".join(f"{100 * m[f'slide_speed_{stage}']:.1f}" for stage in ("graph", "edited", "cleaned"))
         rows.append(("feet", f"slide {slides} cm/s (graph, edited, cleaned)"))
