@@ -137,7 +137,7 @@ def edit(source: Source, request: Request, settings: EditSettings, ground: Groun
     milliseconds = dict(solved.milliseconds)
     cleaned, start, planted = moved, time.perf_counter(), None
     if settings.feet and source.contacts is not None:
-        planted = clean_feet(clip, moved, source.contacts, ground, rise=solved.rise)
+        planted = clean_feet(clip, moved, source.contacts, ground, rise=solved.rise, by=settings.feet_by)
         cleaned = planted.clip
         milliseconds["feet"] = 1e3 * (time.perf_counter() - start)
     milliseconds["all"] = 1e3 * (time.perf_counter() - begun)
