@@ -73,7 +73,7 @@ def test_legs_that_are_too_short_lower_the_root_and_only_where_they_are() -> Non
 def test_on_a_slope_feet_stand_on_it() -> None:
     clip = source("walk")
     contacts = contacts_of(clip)
-    slope = rising(clip, "slope", angle=8.0, length=None)
+    slope = rising(clip, "slope", angle=8.0, length=100.0)
     planted = clean_feet(clip, clip, contacts, slope, by="optimised")
     numbers = quality_of(clip, planted, contacts, slope).numbers
     assert numbers["foot_float"] < 0.01
