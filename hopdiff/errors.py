@@ -20,6 +20,7 @@ from yaml.reader import ReaderError
 from hopdiff.composing import choices_of, choices_with, known_settings, of_tasks, own_file, task_of, tasks_with
 from hopdiff.doors import config_folder
 from hopdiff.extras import of_launcher
+from hopdiff.graph.settings import GONE
 from hopdiff.messages import near, one_line, unknown, wrong_value
 from hopdiff.types import HopdiffError
 
@@ -113,6 +114,8 @@ def _composition(error: ConfigCompositionException) -> str:
 def _setting(error: OmegaConfBaseException, key: str, text: str) -> str:
     """The sentence for a setting with a wrong name or value."""
     if isinstance(error, ConfigAttributeError | ConfigKeyError):
+        if key in GONE:
+            return f"{key} is no setting any more; {GONE[key]}."
         if found := re.fullmatch(r"exports\.(\w+)", key):
             return f"{key} is there once it is chosen: add export=[{found.group(1)}]."
         if task := task_of(key):

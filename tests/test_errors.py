@@ -69,6 +69,8 @@ MISTAKES = {
     "task=fly": "Unknown task 'fly': choose one of body, compare, edit, export, hopper, navigate, path, replay, run",
     "task=replay": "task=replay needs genes_file=FILE",
     "task=compare": "task=compare needs runs=FOLDER",
+    "+experiment=navigate way.seconds=9": "way.seconds is no setting any more; ways are limited by steps of the search",
+    "+experiment=navigate way.leg=8": "way.leg is no setting any more; ways of any length are found in one search",
     "experiment=brisk": "write +experiment=NAME",
     "+experiment=bris": "Did you mean 'brisk'?",
     "ground=slope": "ground is a setting of task=edit, task=navigate, task=path: add one of these.",

@@ -30,8 +30,9 @@ class SolveSettings:
     """alpha: largest part of an error asked for in one round [m, rad]. epsilon: error at which rounds end [m, rad].
 
     side, ahead, turn: weights of a change of the steps to the left, ahead and of the turn. ridge: weight of the change
-    itself against its Laplacian: changes spread over about ridge^(-1/4) frames of 1/30 s. standing: how much dearer a
-    turn is where the body stands. rounds: at most.
+    itself against its Laplacian: changes spread over about ridge^(-1/4) frames of 1/30 s, and go with the speed.
+    standing: how much dearer a turn is where the body stands. ends: weight of a change of the first and the last step
+    (the constraints S of eq. 10 on the states v_1 and v_T). rounds: at most.
     """
 
     alpha: float = 1.0

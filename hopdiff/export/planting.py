@@ -108,7 +108,7 @@ def _planted(clip: Clip, soles: Sequence[Sole], contact: Tensor) -> Clip:
         _way(track, frames, sole, contact[:, k], clip.frame_time)
         for k, (track, sole) in enumerate(zip(tracks, soles, strict=True))
     ]
-    lowered = lowering(ways, MOST_LOWERED, ends=True)
+    lowered = lowering(ways, MOST_LOWERED)
     root, rotations = clip.root_position.clone(), clip.rotations.clone()
     root[:, 1] -= lowered
     for way in ways:
@@ -123,7 +123,7 @@ def _way(track: LegTrack, frames: Tensor, sole: Sole, stands: Tensor, frame_time
     still = GroundMove(torch.zeros((), dtype=torch.float64), torch.zeros(2, dtype=torch.float64))
     prints = [FootPrint(first, last, still, False) for first, last in spans(stands)]
     shares = torch.zeros(len(prints), len(ankle), dtype=torch.float64)
-    for number, (here, share) in enumerate(weights(prints, len(ankle), frame_time, ends=True)):
+    for number, (here, share) in enumerate(weights(prints, len(ankle), frame_time)):
         shares[number, here] = share
     inside = [times.clamp(one.first, one.last) for one in prints]
     turn, change = torch.zeros(len(ankle), dtype=torch.float64), torch.zeros_like(ankle)

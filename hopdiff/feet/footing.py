@@ -24,7 +24,7 @@ SPARE = 0.03  # m above whatever is under a foot in the air that it keeps, unles
 REACH = 0.06  # m around the points of a foot in the air that is kept clear
 SWING = 0.1  # s in which it gets over an edge
 CLEAR = 0.05  # s after a contact from which on it does
-EARLY = 1.7  # times sooner than evenly that a foot rises to a higher tread, and later that it comes down to a lower one
+EARLY = 1.3  # times sooner than evenly that a foot rises to a higher tread, and later that it comes down to a lower one
 FOLLOW = 0.15  # s over which the body follows its feet (standard deviation)
 
 

@@ -57,19 +57,22 @@ class Sliding:
     way: Callable[[Tensor, Tensor], FootWay]
 
 
-def optimised_ways(feet: Sequence[Sliding], frame_time: float, most: float) -> tuple[list[FootWay], Tensor]:
+def optimised_ways(
+    feet: Sequence[Sliding], frame_time: float, most: float, kept: tuple[int, int]
+) -> tuple[list[FootWay], Tensor]:
     """The ways of the feet, and (T,) by how much the root is lowered [m], not by more than most.
 
-    First and last frame stay as the edit leads them.
+    Frames up to one and from another one on (kept) stay as the edit leads them.
     """
-    count = len(feet[0].ankle)
-    unknowns = _Unknowns(count)
+    inner = np.zeros(len(feet[0].ankle), dtype=bool)
+    inner[kept[0] + 1 : kept[1]] = True
+    unknowns = _Unknowns(inner)
     places = [[unknowns.foot(foot, axis) for axis in (0, 2)] for foot in feet]
-    root = unknowns.free(_inner(count))
+    root = unknowns.free(inner)
     rows = [_smooth(one, EASE / frame_time, 3) for pair in places for one in pair]
     rows += [one for pair in places for one in pair]
     rows += [one.times(DEAR**0.5) for one in (_smooth(root, SETTLE / frame_time, 2), root)]
-    turns = [foot.turn + _turning(foot, frame_time) for foot in feet]
+    turns = [foot.turn + _turning(foot, frame_time, inner) for foot in feet]
     found = np.zeros(unknowns.count)
     reach: list[_Rows] = []
     for _ in range(ROUNDS):
@@ -107,10 +110,10 @@ class _Rows:
 
 
 class _Unknowns:
-    """Counts unknowns out, one after the other."""
+    """Counts unknowns out, one after the other. inner: (T,) frames in which anything may be unknown."""
 
-    def __init__(self, frames: int) -> None:
-        self.frames, self.count = frames, 0
+    def __init__(self, inner: NDArray[np.bool_]) -> None:
+        self.inner, self.frames, self.count = inner, len(inner), 0
 
     def free(self, which: NDArray[np.bool_]) -> _Rows:
         """(T,) numbers, unknown in some frames and 0 in the others."""
@@ -118,7 +121,7 @@ class _Unknowns:
 
     def foot(self, foot: Sliding, axis: int) -> _Rows:
         """(T,) by how much an ankle is moved along an axis: unknown in the air, in a contact as that asks for."""
-        fixed, air = np.zeros(self.frames), _inner(self.frames)
+        fixed, air = np.zeros(self.frames), self.inner.copy()
         frames, columns = [], []
         for one in foot.stands:
             fixed[one.frames] = (one.ankle - foot.ankle[one.frames])[:, axis].numpy()
@@ -184,13 +187,6 @@ class _Unknowns:
         return _Rows(sparse.vstack([one.matrix for one in rows]).tocsr(), np.concatenate([one.fixed for one in rows]))
 
 
-def _inner(count: int) -> NDArray[np.bool_]:
-    """(T,) all frames but the first and the last."""
-    found = np.ones(count, dtype=bool)
-    found[[0, -1]] = False
-    return found
-
-
 def _smooth(one: _Rows, frames: float, order: int) -> _Rows:
     """Differences of some order of (T,) numbers, over a time of so many frames."""
     matrix, fixed = one.matrix, one.fixed
@@ -199,10 +195,10 @@ def _smooth(one: _Rows, frames: float, order: int) -> _Rows:
     return _Rows(matrix, fixed).times(frames**order)
 
 
-def _turning(foot: Sliding, frame_time: float) -> Tensor:
+def _turning(foot: Sliding, frame_time: float, inner: NDArray[np.bool_]) -> Tensor:
     """(T,) by how much a foot is turned since it was led: as its contacts ask for, smoothly from one to the next."""
-    unknowns = _Unknowns(len(foot.turn))
-    fixed, air = np.zeros(len(foot.turn)), _inner(len(foot.turn))
+    unknowns = _Unknowns(inner)
+    fixed, air = np.zeros(len(foot.turn)), inner.copy()
     for one in foot.stands:
         fixed[one.frames] = (one.turn - foot.turn[one.frames]).numpy()
         air[one.frames] = False

@@ -55,55 +55,62 @@ def clean_feet(
     edited: Clip,
     contacts: Contacts,
     ground: Ground | None = None,
-    still: bool = False,
+    still: bool | Tensor = False,
     rise: Tensor | None = None,
+    kept: tuple[int, int] | None = None,
     by: str = "fast",
 ) -> Planted:
     """The edited clip with feet that stand where the source's stand.
 
-    edited: the source on another root path; contacts: of the source. The first and the last frame stay as they are.
-    ground: what it walks on, level at height 0 if None. still: whether feet that slide in the source, as in a blend of
-    two motions, are held too. Otherwise doing it again changes nothing, and neither does it without an edit. rise: (T,)
-    by how much the edit raises the body [m]. by: one of FEET_BY, how ankles and root are found between the contacts.
+    edited: the source on another root path; contacts: of the source. The first and the last frame stay as they are, or
+    all up to one frame and from another one on (kept), through which the edit must be one turn and shift each.
+    ground: what it walks on, level at height 0 if None. still: whether, or (T,) in which frames, feet that slide in the
+    source, as in a blend of two motions, are held too. Otherwise doing it again changes nothing, and neither does it
+    without an edit. rise: (T,) by how much the edit raises the body [m]. by: one of FEET_BY, how ankles and root are
+    found between the contacts.
     """
     edit = GroundMove.between(root_path(source), root_path(edited))
     if ground is not None and ground.flat:
         ground = None
+    head, tail = kept or (0, source.frames - 1)
     tracks = leg_tracks(source, contacts.legs)
     stands = torch.stack([contacts.stands(k) for k in range(len(tracks))], dim=-1)
     feet = []
     for k, track in enumerate(tracks):
         # A step that one foot makes is known to the next.
-        foot = _Foot(track, edit, contacts, k, source.frame_time, ground, still, stands)
+        foot = _Foot(track, edit, contacts, k, source.frame_time, ground, still, stands, (head, tail))
         stands[:, k] = foot.stands
         feet.append(foot)
     rise = torch.zeros(source.frames, dtype=torch.float64) if rise is None else rise
     if ground is not None:
         rise = rise + body_rise([foot.footing for foot in feet if foot.footing is not None], source.frame_time)
     for _ in range(PASSES):
-        ways, lowered = _ways(feet, rise, by)
+        ways, lowered = _ways(feet, rise, by, (head, tail))
         given_up = [foot.give_up(way.missed(lowered)) for foot, way in zip(feet, ways, strict=True)]
         if not any(given_up):
             break
     else:
-        ways, lowered = _ways(feet, rise, by)
+        ways, lowered = _ways(feet, rise, by, (head, tail))
     root = edited.root_position.clone()
     root[:, 1] = (source.root_position[:, 1].double() + rise - lowered).to(root)
     rotations = edited.rotations.clone()
     turn = axis_rotation("Y", edit.turn)
     for way in ways:
         way.pose(rotations, turn, lowered)
+    if kept is not None:
+        for here in (slice(0, head + 1), slice(tail, None)):
+            root[here], rotations[here] = edited.root_position[here], edited.rotations[here]
     stands = torch.stack([foot.stands for foot in feet], dim=-1)
     stood = torch.stack([foot.stood for foot in feet], dim=-1)
     return Planted(replace(edited, root_position=root, rotations=rotations), stands, stood & ~stands, lowered)
 
 
-def _ways(feet: Sequence[_Foot], rise: Tensor, by: str) -> tuple[list[FootWay], Tensor]:
+def _ways(feet: Sequence[_Foot], rise: Tensor, by: str, kept: tuple[int, int]) -> tuple[list[FootWay], Tensor]:
     """The ways of the feet, and (T,) by how much the root is lowered [m]."""
     if by == "optimised":
-        return optimised_ways([foot.sliding(rise) for foot in feet], feet[0].frame_time, LOWEST)
+        return optimised_ways([foot.sliding(rise) for foot in feet], feet[0].frame_time, LOWEST, kept)
     ways = [foot.way(rise) for foot in feet]
-    return ways, lowering(ways, LOWEST, ends=False)
+    return ways, lowering(ways, LOWEST, kept)
 
 
 class _Foot:
@@ -117,10 +124,11 @@ class _Foot:
         number: int,
         frame_time: float,
         ground: Ground | None,
-        still: bool,
+        still: bool | Tensor,
         stands: Tensor,
+        kept: tuple[int, int],
     ) -> None:
-        self.track, self.edit, self.frame_time = track, edit, frame_time
+        self.track, self.edit, self.frame_time, self.kept = track, edit, frame_time, kept
         self.hip = edit(track.hip)
         own = [i for i, (which, _) in enumerate(contacts.points) if which == number]
         joints = [contacts.points[i][1] for i in own]
@@ -130,32 +138,33 @@ class _Foot:
         heels = [touching[:, n] for n, joint in enumerate(joints) if joint == track.leg.ankle]
         heel = torch.stack(heels).any(0) if heels else ~self.stood
         self.flat = smooth_step(1.0 - apart(heel) * frame_time / HEEL_RAMP)
-        self.slide = _slide(points, touching) if still else None
+        self.reach = longest(track)
+        held = still if isinstance(still, Tensor) else torch.full_like(self.stood, still)
+        self.slide = _slide(points, touching & held[:, None]) if bool(held.any()) else None
         self.middle = points.mean(dim=1)
         others = stands[:, torch.arange(stands.shape[1]) != number].any(dim=-1)
-        plants = steps_in(edit, self.middle, contacts.plants(number), others, frame_time)
-        self.prints = foot_prints(edit, self.middle, plants, frame_time)
+        plants = steps_in(edit, self.middle, contacts.plants(number), others, frame_time, kept)
+        self.prints = foot_prints(edit, self.middle, plants, frame_time, kept)
         self.stands = torch.zeros_like(self.stood)
         for one in self.prints:
             self.stands[one.frames] = True
         self.footing: Footing | None = None
         if ground is None:
-            self.prints = [self._shifted(one) for one in self.prints]
+            need = self.way(torch.zeros_like(edit.turn)).sink()
+            self.prints = [self._shifted(one) if float(need[one.frames].max()) > MISS else one for one in self.prints]
         else:
             floors, level = contacts.floor[own], contacts.level[:, number]
             self.footing = Footing(ground, track, edit, self.prints, points, floors, level)
             self.prints = self.footing.prints
 
     def _shifted(self, one: FootPrint) -> FootPrint:
-        """The print moved along the way to where the body must be lowered least, if it must be."""
+        """The print moved along the way to where the body must be lowered least."""
         if one.pinned:
             return one
         here, track = one.frames, self.track
-        hip, reach, free = self.hip[here], longest(track)[here], EASY * (1.0 - self.flat[here])
+        hip, reach, free = self.hip[here], self.reach[here], EASY * (1.0 - self.flat[here])
         axis = turned(axis_rotation("Y", one.move.turn).expand(len(hip), 3, 3), track.left[here])
         ankle, ball = one.move(self._own(one, here)), None if track.ball is None else one.move(track.ball[here])
-        if float(lacking(hip, ankle, ball, axis, reach, free)[0].max()) <= MISS:
-            return one
         way = functional.normalize((hip[-1] - hip[0])[[0, 2]], dim=0)
         by = torch.tensor(SHIFTS, dtype=torch.float64)[:, None] * way
         more = torch.stack((by[:, 0], torch.zeros(len(by), dtype=by.dtype), by[:, 1]), dim=-1)[:, None]
@@ -169,7 +178,8 @@ class _Foot:
         if self.slide is None:
             return own
         own = own.clone()
-        end = 0 if one.first <= len(self.slide) - 1 - one.last else len(self.slide) - 1
+        head, tail = self.kept
+        end = head if one.first - head <= tail - one.last else tail
         own[:, [0, 2]] -= self.slide[here] - (self.slide[end] if one.pinned else self.slide[one.frames].mean(dim=0))
         return own
 
@@ -178,7 +188,9 @@ class _Foot:
         track = self.track
         own, turn = self.edit(track.ankle), self.edit.turn
         ankle, yaw, weight = own.clone(), turn.clone(), torch.zeros_like(turn)
-        for one, (here, share) in zip(self.prints, weights(self.prints, len(own), self.frame_time), strict=True):
+        for one, (here, share) in zip(
+            self.prints, weights(self.prints, len(own), self.frame_time, self.kept), strict=True
+        ):
             move = spread(one.move, one, here)
             ankle[here] += share[:, None] * (move(self._own(one, here)) - own[here])
             yaw[here] += share * (move.turn - turn[here])
@@ -189,7 +201,7 @@ class _Foot:
         """The foot as the edit leads it, and its contacts, to be found together with others."""
         own, turn = self.edit(self.track.ankle), self.edit.turn
         weight = torch.zeros_like(turn)
-        for here, share in weights(self.prints, len(own), self.frame_time):
+        for here, share in weights(self.prints, len(own), self.frame_time, self.kept):
             weight[here] += share
         stands = [
             Stand(
@@ -215,6 +227,7 @@ class _Foot:
         """(T,) by how much the foot is lifted where it has left the ground, or not come to it, unlike in the source."""
         lift = torch.zeros(len(self.stood), dtype=torch.float64)
         for first, last in spans(~self.stands):
+            first, last = max(first, self.kept[0] + 1), min(last, self.kept[1] - 1)
             count = int((self.stood[first : last + 1]).sum())
             if count:
                 share = torch.linspace(0.0, math.pi, last - first + 3, dtype=torch.float64)[1:-1]
@@ -231,7 +244,7 @@ class _Foot:
         for one in self.prints:
             out = bad[one.frames]
             if bool(out.any()):
-                found = _reached(~out, one, len(bad) - 1)
+                found = _reached(~out, one, self.kept)
                 if found is None:
                     continue
                 one = shortened(one, *found)
@@ -241,15 +254,16 @@ class _Foot:
         return True
 
 
-def _reached(good: Tensor, one: FootPrint, end: int) -> tuple[int, int] | None:
-    """First and last frame of the part of a contact that is kept: the longest, or that at an end of the clip."""
+def _reached(good: Tensor, one: FootPrint, kept: tuple[int, int]) -> tuple[int, int] | None:
+    """First and last frame of the part of a contact that is kept: the longest, or that which begins or ends in
+    frames that stay."""
     if not bool(good.any()):
         return None
     bad = (~good).nonzero().flatten()
-    if one.first == 0:
-        return (0, int(bad[0]) - 1) if int(bad[0]) > 0 else None
-    if one.last == end:
-        return (one.first + int(bad[-1]) + 1, end) if bool(good[-1]) else None
+    if one.first <= kept[0]:
+        return (one.first, one.first + int(bad[0]) - 1) if int(bad[0]) > 0 else None
+    if one.last >= kept[1]:
+        return (one.first + int(bad[-1]) + 1, one.last) if bool(good[-1]) else None
     edges = torch.cat((good.new_zeros(1), good, good.new_zeros(1))).int().diff()
     starts, ends = (edges == 1).nonzero().flatten(), (edges == -1).nonzero().flatten()
     best = int((ends - starts).argmax())

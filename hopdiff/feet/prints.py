@@ -16,7 +16,7 @@ FAR = 0.4  # m that the edit may lead a foot astray in one contact
 ARM = 0.4  # m; a turn by a radian counts as so far
 STEP_TIME = 0.45  # s of a step that is made where there was none
 LEAST_STAND = 0.12  # s that a foot stands between two of them
-HOLD = 0.03  # s before and after a contact in which a foot moves as in it: where it ends is a matter of thresholds
+HOLD = 0.02  # s before and after a contact in which a foot moves as in it: where it ends is a matter of thresholds
 SOON = 0.3  # s: a contact that begins in half of that, or ended in it, has no time to be elsewhere
 RAMP = 0.8  # s at most in which a foot goes over from its own place to the place of a contact
 
@@ -44,6 +44,14 @@ class GroundMove:
 
     def shifted(self, by: Tensor) -> GroundMove:
         return GroundMove(self.turn, self.shift + by)
+
+    def path(self, path: RootPath) -> RootPath:
+        """A path moved."""
+        return RootPath(_about_y(self.turn, path.place) + self.shift, path.yaw + self.turn)
+
+    def back(self) -> GroundMove:
+        """What takes it back."""
+        return GroundMove(-self.turn, -_about_y(-self.turn, self.shift))
 
     def __call__(self, places: Tensor) -> Tensor:
         """Points (..., 3) moved [m]."""
@@ -73,14 +81,20 @@ class FootPrint:
 
 
 def steps_in(
-    edit: GroundMove, foot: Tensor, plants: Sequence[tuple[int, int]], others: Tensor, frame_time: float
+    edit: GroundMove,
+    foot: Tensor,
+    plants: Sequence[tuple[int, int]],
+    others: Tensor,
+    frame_time: float,
+    kept: tuple[int, int] | None = None,
 ) -> list[tuple[int, int]]:
     """Contacts of one foot, those taken apart by a step in which the edit leads the body too far from where it stands.
 
-    edit, foot, plants: as `foot_prints` takes them. others: (T,) bool, whether another foot stands. A step is made
-    where half of the way is gone, or as near to that as another foot stands.
+    edit, foot, plants, kept: as `foot_prints` takes them. others: (T,) bool, whether another foot stands. A step is
+    made where half of the way is gone, or as near to that as another foot stands.
     """
     found = []
+    head, tail = kept or (0, len(foot) - 1)
     gap, least = max(2, round(STEP_TIME / frame_time)), max(2, round(LEAST_STAND / frame_time))
     for first, last in plants:
         middle = foot[first : last + 1].mean(dim=0)
@@ -95,6 +109,7 @@ def steps_in(
             best = first + int(torch.searchsorted(gone, gone[-1] * k / (count + 1))) - gap // 2
             low, high = start + least, last + 1 - (count - k + 1) * least - (count - k + 1) * gap
             choices = [at for at in range(low, high + 1) if bool(others[at : at + gap].all())]
+            choices = [at for at in choices if head < at and at + gap <= tail]
             if not choices:
                 continue
             at = min(choices, key=lambda frame: abs(frame - best))
@@ -105,24 +120,34 @@ def steps_in(
 
 
 def foot_prints(
-    edit: GroundMove, foot: Tensor, plants: Sequence[tuple[int, int]], frame_time: float
+    edit: GroundMove,
+    foot: Tensor,
+    plants: Sequence[tuple[int, int]],
+    frame_time: float,
+    kept: tuple[int, int] | None = None,
 ) -> list[FootPrint]:
     """The prints of one foot.
 
     edit: of the body, in T frames. foot: (T, 3) the middle of the foot in the source [m]. plants: first and last frame
-    of every contact. The first and the last frame of the clip stay as they are, so that contacts which they belong to,
-    or which are so near that there is no time to go over, stand where these say. Others stand at the mean of where the
-    edit puts them.
+    of every contact. kept: up to which frame and from which on all stay as they are; None: the first and the last
+    frame of the clip. Contacts which these belong to, or which are so near that there is no time to go over, stand
+    where these say. Others stand at the mean of where the edit puts them.
     """
     moved, end = edit(foot), len(foot) - 1
+    head, tail = kept or (0, end)
     found = []
     for number, (first, last) in enumerate(plants):
         before = first - (plants[number - 1][1] if number else -end)
         after = (plants[number + 1][0] if number + 1 < len(plants) else 2 * end) - last
-        at_start = first <= 0.5 * min(SOON / frame_time, before)
-        at_end = end - last <= 0.5 * min(SOON / frame_time, after)
+        at_start = first - head <= 0.5 * min(SOON / frame_time, before)
+        at_end = tail - last <= 0.5 * min(SOON / frame_time, after)
+        # One that lies in what is kept has nothing to do with the other end.
+        at_start, at_end = at_start and first < tail, at_end and last > head
         if at_start and at_end:
-            share = smooth_step(torch.linspace(0.0, 1.0, last - first + 1, dtype=foot.dtype))
+            # From the last frame that is kept to the next one.
+            ends = max(first, head), min(last, tail)
+            frames = torch.arange(first, last + 1, dtype=foot.dtype)
+            share = smooth_step((frames - ends[0]) / max(ends[1] - ends[0], 1))
             start, stop = edit.at(0), edit.at(-1)
             turn = torch.lerp(start.turn, stop.turn, share)
             own = foot[first : last + 1]
@@ -139,18 +164,20 @@ def foot_prints(
 
 
 def weights(
-    prints: Sequence[FootPrint], frames: int, frame_time: float, ends: bool = False
+    prints: Sequence[FootPrint], frames: int, frame_time: float, kept: tuple[int, int] | None = None
 ) -> list[tuple[slice, Tensor]]:
     """For each print the frames in which it counts, and how much: 1 in its contact, less and less on the ways to and
-    from it; those of two prints that share a swing sum to 1 at most. Frame 0 and the last one are nobody's unless they
-    belong to a contact, or ends says that they may change like others."""
+    from it; those of two prints that share a swing sum to 1 at most. Frames up to one and from another one on (kept)
+    are nobody's unless they belong to a contact; None: all may change."""
     found = []
     for number, one in enumerate(prints):
         sooner = prints[number - 1].last if number else -frames
         later = prints[number + 1].first if number + 1 < len(prints) else 2 * frames
-        room_before = min(RAMP / frame_time, one.first - sooner, frames if ends or one.first == 0 else one.first)
-        end = frames - 1
-        room_after = min(RAMP / frame_time, later - one.last, frames if ends or one.last == end else end - one.last)
+        room_before, room_after = min(RAMP / frame_time, one.first - sooner), min(RAMP / frame_time, later - one.last)
+        if kept is not None and one.first > kept[0]:
+            room_before = min(room_before, one.first - kept[0])
+        if kept is not None and one.last < kept[1]:
+            room_after = min(room_after, kept[1] - one.last)
         here = slice(max(0, math.floor(one.first - room_before)), min(frames, math.ceil(one.last + room_after) + 1))
         times = torch.arange(here.start, here.stop, dtype=torch.float64)
         share = torch.ones_like(times)

@@ -15,6 +15,7 @@ from hopdiff.feet.track import LegTrack, leg_tracks
 from hopdiff.geometry.clip import Clip
 from hopdiff.terrain.ground import Ground
 
+AT_ONCE = 4096  # frames whose whole bodies are looked at together
 GLANCE = 1.0 / 30.0  # s over which speeds and accelerations are taken, so that cameras' noise does not count
 # Beyond these a user is told. [m], [m], [m], [m], times the source's, times the source's, degrees, share.
 BARS = {
@@ -49,23 +50,21 @@ def quality_of(source: Clip, planted: Planted, contacts: Contacts, ground: Groun
     more than the source's. given_up: share of the source's contacts in which the foot does not stand.
     """
     clip = planted.clip
-    places, old = clip.joint_positions().double(), source.joint_positions().double()
-    seen, old_seen = (_from_root(one, c) for one, c in ((places, clip), (old, source)))
+    (speed, jolt), (old_speed, old_jolt) = _rates(clip), _rates(source)
+    ends, old_ends = _ends(clip), _ends(source)
     over, old_over = _over_ground(clip, contacts, ground)
     stands = contacts.touching & planted.touching[:, [leg for leg, _ in contacts.points]]
     off = torch.where(stands, over - (contact_points(source, contacts)[..., 1] - old_over), torch.zeros_like(over))
     drop = planted.lowered
-    speed, old_speed = (_rate(one, source.frame_time, 1) for one in (seen, old_seen))
-    jolt, old_jolt = (_rate(one, source.frame_time, 2) for one in (seen, old_seen))
     tracks = zip(leg_tracks(clip, contacts.legs), leg_tracks(source, contacts.legs), strict=True)
     beyond = [(new, _straight(new, was) - _straight(was, was)) for new, was in tracks]
     stood = planted.touching | planted.given_up
-    rest = torch.ones(places.shape[1], dtype=torch.bool)
+    rest = torch.ones(len(clip.skeleton.names), dtype=torch.bool)
     if ground is not None:
         rest[[k for leg in contacts.legs for k in _below(clip, leg.hip)]] = False
     numbers = {
-        "first_pose_error": float((seen[0] - old_seen[0])[rest].norm(dim=-1).max()),
-        "last_pose_error": float((seen[-1] - old_seen[-1])[rest].norm(dim=-1).max()),
+        "first_pose_error": float((ends[0] - old_ends[0])[rest].norm(dim=-1).max()),
+        "last_pose_error": float((ends[1] - old_ends[1])[rest].norm(dim=-1).max()),
         "root_drop": float(drop.max()),
         "foot_float": float(off.max().clamp_min(0.0)) if off.numel() else 0.0,
         "foot_sink": float((-off).max().clamp_min(0.0)) if off.numel() else 0.0,
@@ -76,12 +75,12 @@ def quality_of(source: Clip, planted: Planted, contacts: Contacts, ground: Groun
     }
     where = {
         "root_drop": int(drop.argmax()),
-        "joint_speed_ratio": int(speed.amax(dim=-1).argmax()) if speed.numel() else 0,
-        "joint_acceleration_ratio": int(jolt.amax(dim=-1).argmax()) if jolt.numel() else 0,
+        "joint_speed_ratio": speed.frame,
+        "joint_acceleration_ratio": jolt.frame,
         "given_up": int(planted.given_up.any(dim=-1).int().argmax()),
     }
     names = clip.skeleton.names
-    fastest = names[int(speed.amax(dim=0).argmax())] if speed.numel() else names[0]
+    fastest = names[speed.joint]
     sentences = [
         _sentence(name, value, where.get(name, 0), fastest) for name, value in numbers.items() if value > BARS[name]
     ]
@@ -114,11 +113,6 @@ def _sentence(name: str, value: float, frame: int, joint: str) -> str:
     }[name]
 
 
-def _from_root(places: Tensor, clip: Clip) -> Tensor:
-    """(T, J, 3) joints as the root sees them [m]."""
-    return (places - clip.root_position.double()[:, None]) @ clip.rotations[:, 0].double()
-
-
 def _over_ground(clip: Clip, contacts: Contacts, ground: Ground | None) -> tuple[Tensor, Tensor]:
     """(T, P) heights of points of the feet over the ground, and (T, P) of the ground under them in the source [m]."""
     points = contact_points(clip, contacts)
@@ -128,22 +122,48 @@ def _over_ground(clip: Clip, contacts: Contacts, ground: Ground | None) -> tuple
     return points[..., 1] - ground.height(points[..., [0, 2]]), level
 
 
-def _rate(places: Tensor, frame_time: float, order: int) -> Tensor:
-    """(T', J) sizes of differences of some order, a glance apart, per second."""
-    apart = max(1, round(GLANCE / frame_time))
-    found = places
-    for _ in range(order):
-        if len(found) <= apart:
-            return places.new_zeros(0, places.shape[1])
-        found = (found[apart:] - found[:-apart]) / (apart * frame_time)
-    sizes: Tensor = found.norm(dim=-1)
-    return sizes
+@dataclass(frozen=True)
+class _Largest:
+    """The largest of some rates, its frame and its joint."""
+
+    value: float = 0.0
+    frame: int = 0
+    joint: int = 0
 
 
-def _ratio(new: Tensor, old: Tensor) -> float:
-    if not new.numel() or float(old.max()) < 1e-9:
-        return 1.0
-    return float(new.max() / old.max())
+def _rates(clip: Clip) -> list[_Largest]:
+    """Largest speed [m/s] and acceleration [m/s^2] of a joint, seen from the root, over a glance."""
+    apart = max(1, round(GLANCE / clip.frame_time))
+    found = [_Largest(), _Largest()]
+    for first in range(0, clip.frames, AT_ONCE):
+        seen = _from_root(clip, slice(first, first + AT_ONCE + 2 * apart))
+        for order in (0, 1):
+            if len(seen) <= apart:
+                break
+            seen = (seen[apart:] - seen[:-apart]) / (apart * clip.frame_time)
+            sizes = seen.norm(dim=-1)
+            best = int(sizes.argmax())
+            if float(sizes.flatten()[best]) > found[order].value:
+                frame, joint = divmod(best, sizes.shape[1])
+                found[order] = _Largest(float(sizes.flatten()[best]), first + frame, joint)
+    return found
+
+
+def _ends(clip: Clip) -> list[Tensor]:
+    """(J, 3) joints of the first and the last frame, seen from the root [m]."""
+    return [_from_root(clip, here)[0] for here in (slice(0, 1), slice(clip.frames - 1, clip.frames))]
+
+
+def _from_root(clip: Clip, here: slice) -> Tensor:
+    """(T', J, 3) joints of some frames as the root sees them [m]."""
+    root, turns = clip.root_position[here].double(), clip.rotations[here].double()
+    offsets = None if clip.offsets is None else clip.offsets[here]
+    places = clip.skeleton.forward(root, turns, offsets)[0]
+    return (places - root[:, None]) @ turns[:, 0]
+
+
+def _ratio(new: _Largest, old: _Largest) -> float:
+    return new.value / old.value if old.value > 1e-9 else 1.0
 
 
 def _straight(track: LegTrack, source: LegTrack) -> Tensor:

@@ -12,7 +12,7 @@ REACH = 0.99  # of the leg's length: as far as a foot is put, unless the source 
 SOFT = 0.93  # of the leg's length: from here on a leg stretches less and less
 EDGE = 0.97  # the same as it lands or leaves
 STRETCHED = 0.985  # the same for a leg that stands
-HEEL = 0.9  # rad by which a heel is raised beyond the source's, at most
+HEEL = 0.8  # rad by which a heel is raised beyond the source's, at most
 EASY = 0.4  # of that before the body comes down
 BEHIND = (-0.05, 0.15)  # m that the hip is ahead of the ball of the foot: from where on, and from where on freely
 

@@ -93,10 +93,10 @@ class FootWay:
         bent(track, rotations, turn, hip, ankle, foot, toe)
 
 
-def lowering(ways: Sequence[FootWay], most: float, ends: bool) -> Tensor:
+def lowering(ways: Sequence[FootWay], most: float, kept: tuple[int, int] | None = None) -> Tensor:
     """(T,) by how much the root is lowered for all feet that stand to be within reach, changing slowly [m].
 
-    most: how far at most. ends: whether the first and the last frame may be lowered.
+    most: how far at most. kept: up to which frame and from which on nothing is lowered, None if anything may be.
     """
     need = torch.stack([way.sink() for way in ways]).amax(0).clamp_max(most)
     if float(need.max()) <= 1e-9:
@@ -104,10 +104,10 @@ def lowering(ways: Sequence[FootWay], most: float, ends: bool) -> Tensor:
     frame_time = ways[0].frame_time
     half = max(1, round(0.5 * SETTLING / frame_time))
     down = smoothed(widest(need, 4 * half + 1), 2 * half + 1)
-    if ends:
+    if kept is None:
         return down
-    times = torch.arange(len(need), dtype=torch.float64) * frame_time
-    return down * smooth_step(torch.minimum(times, times.flip(0)) / SETTLING)
+    frames = torch.arange(len(need), dtype=torch.float64)
+    return down * smooth_step(torch.minimum(frames - kept[0], kept[1] - frames) * frame_time / SETTLING)
 
 
 def sunk(places: Tensor, down: Tensor) -> Tensor:

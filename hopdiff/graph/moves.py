@@ -13,6 +13,8 @@ from hopdiff.graph.graph import Complexes, Floats, Ints, MotionGraph
 
 STRIDE = 1.0 / 6.0  # s between the frames at which a walk along a clip may be left
 SAMPLES = 8  # of a move, at which places are checked
+# How clips are bent: shares of the rate that is asked for, and of the way that is gone; short steps turn more tightly.
+BENDS = ((1.0, 1.0), (-1.0, 1.0), (0.5, 1.0), (-0.5, 1.0), (1.0, 0.4), (-1.0, 0.4))
 STANDING = 0.15  # m/s; slower is standing
 
 
@@ -24,7 +26,9 @@ class Moves:
     transition: (M,) the one that it takes, or -1 for a stretch of a clip. frames: (M,) that pass. turn: (M,) change of
     yaw [rad]. place: (M, S) complex, S places along the move in the frame of the body at its start: forward + i left
     [m]; the last one is where it ends. yaw: (M, S) there, seen from the start [rad]. passed: (M, S) frames until then.
-    shown: (M, S) the frame of the graph that the body is in there, or nearest to in a blend.
+    shown: (M, S) the frame of the graph that the body is in there, or nearest to in a blend. bend: (M,) turn that the
+    clip is bent by, evenly along the move and contained in yaw and place [rad]. share: (M,) of the clip's own way that
+    is gone.
     """
 
     graph: MotionGraph
@@ -36,6 +40,8 @@ class Moves:
     yaw: Floats
     passed: Ints
     shown: Ints
+    bend: Floats
+    share: Floats
 
     @cached_property
     def fastest(self) -> float:
@@ -87,7 +93,39 @@ def moves_of(graph: MotionGraph) -> Moves:
     length = leave - start + jumps * (graph.window - 1)
     passed = np.ceil(length[:, None] * np.arange(1, SAMPLES + 1) / SAMPLES).astype(np.int64)
     place, yaw, shown = _along(graph, start, transition, leave, passed)
-    return Moves(graph, first, end, transition, length, place, yaw, passed, shown)
+    plain = np.zeros(len(end))
+    return Moves(graph, first, end, transition, length, place, yaw, passed, shown, plain, plain + 1.0)
+
+
+def bent(moves: Moves, rate: float) -> Moves:
+    """These moves, and the stretches of the clips among them bent by up to a rate to both sides [rad/s]."""
+    graph = moves.graph
+    start = np.repeat(np.arange(graph.frames), np.diff(moves.first))
+    whole, along = np.arange(len(start)), np.flatnonzero(moves.transition < 0)
+    taken = np.concatenate([whole, *(along for _ in BENDS)])
+    rates = np.concatenate([0.0 * whole, *(np.full(len(along), part * rate) for part, _ in BENDS)])
+    share = np.concatenate([0.0 * whole + 1.0, *(np.full(len(along), less) for _, less in BENDS)])
+    order = np.argsort(start[taken], kind="stable")
+    taken, rates, share = taken[order], rates[order], share[order]
+    passed = moves.passed[taken]
+    turned = rates[:, None] * passed * graph.frame_time
+    middle = turned - 0.5 * np.diff(turned, prepend=0.0)
+    steps = np.diff(moves.place[taken], prepend=0.0)
+    place = np.cumsum(share[:, None] * np.exp(1j * middle) * steps, axis=1)
+    frames = moves.frames[taken]
+    return Moves(
+        graph,
+        np.searchsorted(start[taken], np.arange(graph.frames + 1)),
+        moves.end[taken],
+        moves.transition[taken],
+        frames,
+        place,
+        moves.yaw[taken] + turned,
+        passed,
+        moves.shown[taken],
+        rates * frames * graph.frame_time,
+        share,
+    )
 
 
 def _along(

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import distance_transform_edt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from shapely import LineString, MultiPolygon, Point, Polygon
@@ -21,6 +22,8 @@ Complexes = NDArray[np.complex128]
 
 CELL = 0.04  # m between the nodes of the grid, or more in a large scene
 MOST_NODES = 250_000
+FINE = 0.03  # m; side of the squares of a raster, or more in a large scene
+MOST_SQUARES = 4_000_000
 ROUNDING = 1e-9  # m
 SPARE = 2e-3  # m more than the half width that a body is moved away from what it would touch
 # One of each pair of opposite steps to the nodes around: straight, diagonal, and like a knight, so that a way along
@@ -78,6 +81,18 @@ class FreeSpace:
         depths: Floats = np.where(shapely.covers(self.floor, found), distance, -distance)
         return depths
 
+    def way_out(self, points: Complexes) -> Complexes:
+        """From points z + i x of any shape the shortest way to free floor, as complex numbers; 0 on it [m]."""
+        flat = points.reshape(-1)
+        out = np.zeros(flat.shape, dtype=np.complex128)
+        beyond = np.flatnonzero(~shapely.contains_xy(self.floor, flat.imag, flat.real))
+        if len(beyond):
+            lines = shapely.shortest_line(shapely.points(flat[beyond].imag, flat[beyond].real), self.floor)
+            ends = shapely.get_coordinates(lines).reshape(-1, 2, 2)
+            step = ends[:, 1] - ends[:, 0]
+            out[beyond] = step[:, 1] + 1j * step[:, 0]
+        return out.reshape(points.shape)
+
     def nearest(self, point: tuple[float, float]) -> tuple[float, float]:
         """The point next to a point at which a body just touches nothing."""
         way = shapely.shortest_line(Point(point), self._inner)
@@ -114,8 +129,34 @@ class FreeSpace:
 
     @cached_property
     def grid(self) -> Grid:
-        """The free floor as a raster."""
+        """Where the middle of the body may be, as a raster."""
         return Grid(self)
+
+    @cached_property
+    def raster(self) -> Raster:
+        """The free floor as a raster, for the rest of the body."""
+        return Raster(self)
+
+
+class Raster:
+    """Fine squares of the scene. cell: their side [m]. room: (X, Z) distance of their middles to what is no free floor,
+    0 on that [m]."""
+
+    def __init__(self, space: FreeSpace) -> None:
+        bounds = np.array(space.floor.bounds)
+        self.cell = max(FINE, math.sqrt(float(np.prod(bounds[2:] - bounds[:2])) / MOST_SQUARES))
+        self.low = bounds[:2] - 2 * self.cell
+        self.shape = tuple((np.ceil((bounds[2:] - self.low) / self.cell) + 3).astype(int).tolist())
+        x, z = (low + self.cell * np.arange(count) for low, count in zip(self.low, self.shape, strict=True))
+        inside = shapely.contains_xy(space.floor, *np.meshgrid(x, z, indexing="ij"))
+        self.room: Floats = self.cell * distance_transform_edt(inside)
+
+    def at(self, place: Complexes) -> Floats:
+        """Room around points z + i x of any shape [m]."""
+        x = ((place.imag - self.low[0]) / self.cell + 0.5).astype(np.int64).clip(0, self.shape[0] - 1)
+        z = ((place.real - self.low[1]) / self.cell + 0.5).astype(np.int64).clip(0, self.shape[1] - 1)
+        found: Floats = self.room[x, z]
+        return found
 
 
 class Grid:

@@ -1,7 +1,7 @@
 """A walk from one place to another in a scene: found in a motion graph, then edited to start and end exactly.
 
 As Kim & Lee (2021), section 4.2, do it: the search ends near the goal and the edit of the path closes the gap. What
-is checked against the walls is the path as it will be, blends and edit included.
+is checked against the walls is the whole body of the walk as it is written, blends, edit and feet included.
 """
 
 from __future__ import annotations
@@ -9,50 +9,44 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from hopdiff.editing.root_path import RootPath, root_path, with_root_path
-from hopdiff.editing.targets import Constraint, EditedPath
 from hopdiff.editing.targets import edit_path as default_edit
-from hopdiff.geometry.clip import Clip
-from hopdiff.graph.blend import Piece, assemble
+from hopdiff.graph.body import DEPTH, Body, bodies_of, said_depth
+from hopdiff.graph.finish import EditPath, Finished, Miss, finished, length_of, off
 from hopdiff.graph.graph import MotionGraph
-from hopdiff.graph.moves import Moves
+from hopdiff.graph.moves import Moves, bent, moves_of, standing, stretches
 from hopdiff.graph.scene import Place, Scene
-from hopdiff.graph.sections import Finder, cut_way, pieces_of, start_states
 from hopdiff.graph.settings import WaySettings
 from hopdiff.graph.space import FreeSpace
-from hopdiff.graph.way_search import Allowance, Found
+from hopdiff.graph.way_search import NOWHERE, Allowance, Found, Goal, State, WaySearch
+from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
 
-EditPath = Callable[[RootPath, Sequence[Constraint], float], EditedPath]
-
-EXACT_PLACE = 1e-3  # m by which an edited walk may miss its ends
-EXACT_YAW = math.radians(0.1)
-PINS = 12  # frames that an edit is bound at where it ran into a wall, at most
-PUSHED = 0.1  # m by which such a frame is moved from its place before the edit, at most
-HASTE = 1.3  # by which the fastest step and turn of an edited walk may exceed those of the clips and of the walk before
-LAST, ALIKE = 3, 3  # of ways that differ in their last 3 moves only, 3 are tried
+ALIKE = {3: 3, 8: 6, 20: 12}  # of ways that differ in their last 3 moves only, 3 are tried, and so on
+# One search after the other, until one finds a walk: whether clips are bent, the states that one place and heading
+# holds, how much more the distance to go weighs, and the share of all steps that are done by its end. The first finds
+# the shortest ways; more weight leads a long way sooner, and few states lead out of dead ends.
+SEARCHES = (
+    (False, None, 1.0, 0.15),
+    (False, None, 1.5, 0.4),
+    (False, 16, 1.5, 0.6),
+    (True, None, 1.0, 0.7),
+    (True, 16, 1.5, 0.85),
+    (True, 5, 2.0, 1.0),
+)
+SMALLER = 0.9  # share of the steepness that could not be bent without haste, which the next walk may have at most
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
-    """clip: the finished walk. pieces: of the graph. graph_clip, graph_path: the walk as the graph gives it, blended
-    but not edited. path: of the finished walk. waypoints: (K, 2) points that the way was cut at [m]. numbers: for
-    metrics.json."""
+class Way(Finished):
+    """numbers: for metrics.json."""
 
-    clip: Clip
-    pieces: tuple[Piece, ...]
-    graph_clip: Clip
-    graph_path: RootPath
-    path: RootPath
-    waypoints: NDArray[np.float64]
     numbers: dict[str, float]
 
 
@@ -63,10 +57,13 @@ def find_way(
     goal: Place,
     settings: WaySettings,
     edit_path: EditPath = default_edit,
+    ground: Ground | None = None,
 ) -> Way:
-    """A walk from one place and heading to another that keeps the body's half width off everything.
+    """A walk from one place and heading to another that keeps the body's half width off everything, and all joints out
+    of walls and furniture of any height, but for a centimetre.
 
     edit_path: takes a path, the constraints of its first and last frame, and the time between frames [s].
+    ground: what feet stand on, level if None.
     Raises HopdiffError, saying why, if there is no way: a place inside something, walls all around, or a search that
     found nothing, and then how near it came.
     """
@@ -78,158 +75,128 @@ def find_way(
         if not math.isfinite(place.heading):
             raise HopdiffError(f"the {what}'s heading must be a finite number, not {place.heading:g}.")
     ways = space.grid.geodesic(goal.position)
-    length = space.grid.length(ways, start.position)
-    if not math.isfinite(length):
+    if not math.isfinite(space.grid.length(ways, start.position)):
         raise HopdiffError(
             f"no way leads from the start {list(start.position)} to the goal {list(goal.position)} "
             f"for a body {2 * settings.half_width:g} m wide."
         )
-    finder = Finder(graph, space, goal, ways, settings, Allowance(begun + settings.seconds))
-    states = start_states(graph, start, settings)
-    tried = 0
-    for legs in _cuts(max(1, math.ceil(length / settings.leg))):
-        points = cut_way(space, ways, start, length, legs)
-        for chain in islice(_unlike(finder.chains(states, points)), settings.tries):
+    moves, body = moves_of(graph), bodies_of(graph)
+    states = start_states(graph, body, space, start, settings)
+    ends = _that_fit(poses(graph, settings.end, "way.end"), body, space, "goal", goal)
+    target = Goal(complex(goal.position[1], goal.position[0]), goal.heading, True)
+    budget = Allowance(settings.expansions)
+    nearest, tried, exhausted = NOWHERE, 0, {False: False, True: settings.bend == 0}
+    for bends, crowd, more, share in SEARCHES:
+        if exhausted[bends]:
+            continue
+        heavy = replace(settings, weight=more * settings.weight)
+        budget.most = round(share * settings.expansions)
+        able = bent(moves, math.radians(settings.bend)) if bends else moves
+        search = WaySearch(able, space, ways, target, ends, heavy, budget, body, crowd)
+        for found in islice(_unlike(search.ways_from(states)), settings.tries):
             tried += 1
-            way = _finished(graph, finder.moves, space, chain, start, goal, edit_path)
-            if way is not None:
-                return _with_numbers(way, space, goal, chain, points, begun, finder.budget.expansions, tried)
-            if finder.budget.over:
-                break
-        if finder.exhausted or finder.budget.over:
-            break
-    seconds = time.perf_counter() - begun
-    if not tried:
-        raise HopdiffError(finder.failure(seconds))
-    raise HopdiffError(
-        f"no way to the goal was found in {seconds:.1f} s: {tried} walks come near it, but none can be bent without "
-        f"haste to start and end exactly and keep {settings.half_width:g} m off everything (a smaller way.radius, or "
-        f"more way.tries or way.seconds, may help)."
+            walk = finished(graph, able, space, found, start, goal, edit_path, ground)
+            if isinstance(walk, Finished):
+                numbers = _numbers(walk, able, space, goal, found, budget.expansions, tried)
+                return Way(**vars(walk), numbers={"seconds": time.perf_counter() - begun, **numbers})
+            if walk is Miss.HASTE:
+                # As large a gap for as short a walk would not do better.
+                search.steepest = min(search.steepest, SMALLER * search.steepness(found))
+        if search.badness(search.nearest) < search.badness(nearest):
+            nearest = search.nearest
+        exhausted[bends] = search.exhausted
+    raise HopdiffError(_failure(settings, budget, nearest, tried, all(exhausted.values())))
+
+
+def _failure(
+    settings: WaySettings, budget: Allowance, nearest: tuple[float, float], tried: int, exhausted: bool
+) -> str:
+    """Why there is no way, in a sentence."""
+    work = f"after {budget.expansions} steps"
+    if tried:
+        walks = "1 walk comes near it, but it cannot" if tried == 1 else f"{tried} walks come near it, but none can"
+        return (
+            f"no way to the goal was found {work}: {walks} be bent without haste to start and end exactly and keep "
+            f"{settings.half_width:g} m off everything and all joints out of walls (a smaller way.radius, or more "
+            f"way.tries or way.expansions, may help)."
+        )
+    metres, angle = nearest
+    near = (
+        f"it came within {metres:.2f} m and {math.degrees(angle):.0f} degrees"
+        if math.isfinite(metres)
+        else "it never came near it"
     )
+    if exhausted:
+        return f"the clips hold no walk to the goal: all that they can do was searched {work}, and {near}."
+    return f"no way to the goal was found {work}, with way.expansions={settings.expansions}: {near}."
 
 
-def _cuts(fewest: int) -> list[int]:
-    """Into how many legs to cut a way, one try after the other: more and more, and a long way at last not at all."""
-    return [*range(fewest, 2 * fewest + 2), *([1] if fewest > 1 else [])]
-
-
-def _unlike(chains: Iterator[tuple[Found, ...]]) -> Iterator[tuple[Found, ...]]:
+def _unlike(ways: Iterator[Found]) -> Iterator[Found]:
     """At most a few of those that differ in their last moves only: where one cannot be bent, they seldom can."""
-    met: Counter[tuple[int, ...]] = Counter()
-    for chain in chains:
-        moves = tuple(move for found in chain for move in found.moves)
-        met[moves[:-LAST]] += 1
-        if met[moves[:-LAST]] <= ALIKE:
-            yield chain
+    met: Counter[tuple[int, tuple[int, ...]]] = Counter()
+    for found in ways:
+        families = {(last, (found.start.frame, *found.moves[:-last])): most for last, most in ALIKE.items()}
+        if all(met[family] < most for family, most in families.items()):
+            met.update(families.keys())
+            yield found
 
 
-def _finished(
-    graph: MotionGraph,
-    moves: Moves,
-    space: FreeSpace,
-    chain: Sequence[Found],
-    start: Place,
-    goal: Place,
-    edit_path: EditPath,
-) -> Way | None:
-    """The walk of a chain of legs, edited to start and end exactly; None if it runs into something or rushes then.
-
-    Where the edited path comes too near to a wall, the frame that is worst is bound to its place before the edit, or
-    the clear one next to that, and the path is edited again.
-    """
-    pieces, frames = pieces_of(moves, chain)
-    whole = assemble(graph, pieces)
-    clip = replace(
-        whole,
-        root_position=whole.root_position[:frames],
-        rotations=whole.rotations[:frames],
-        offsets=None if whole.offsets is None else whole.offsets[:frames],
-    )
-    before = root_path(clip)
-    if before.frames < 3:
-        return None
-    ends = [
-        Constraint(0, start.position, start.heading),
-        Constraint(before.frames - 1, goal.position, goal.heading),
-    ]
-    pins: list[Constraint] = []
-    while True:
-        after = edit_path(before, [*ends, *pins], clip.frame_time).path
-        if not (_exact(after, start, goal) and _calm(before, after, graph)):
-            return None
-        if space.clear(after.place):
-            break
-        worst = int(np.argmin(space.depth(after.place.numpy())))
-        own = (float(before.place[worst, 0]), float(before.place[worst, 1]))
-        spot = space.nearest(own)
-        taken = {0, before.frames - 1, *(pin.frame for pin in pins)}
-        if len(pins) >= PINS or worst in taken or math.dist(own, spot) > PUSHED:
-            return None
-        pins.append(Constraint(worst, spot))
-    numbers = {"pins": float(len(pins))}
-    points = np.empty((0, 2))
-    return Way(with_root_path(clip, before, after), tuple(pieces), clip, before, after, points, numbers)
+def start_states(graph: MotionGraph, body: Body, space: FreeSpace, start: Place, settings: WaySettings) -> list[State]:
+    """The frames that a walk may start in, placed at the start: those in which the body fits there."""
+    if settings.start_frame is not None:
+        if not 0 <= settings.start_frame < graph.frames:
+            raise HopdiffError(f"way.start_frame must be from 0 to {graph.frames - 1}, not {settings.start_frame}.")
+        able = np.arange(graph.frames) == settings.start_frame
+    else:
+        able = poses(graph, settings.start, "way.start")
+    # The first of every stretch, if it will do; the others are much the same.
+    frames = np.flatnonzero(_that_fit(able, body, space, "start", start))
+    frames = frames[np.unique(stretches(graph)[1][frames], return_index=True)[1]]
+    place = complex(start.position[1], start.position[0])
+    return [State(frame, place, start.heading) for frame in frames.tolist()]
 
 
-def _exact(path: RootPath, start: Place, goal: Place) -> bool:
-    offs = (_off(path, 0, start), _off(path, -1, goal))
-    return all(off <= EXACT_PLACE and turn <= EXACT_YAW for off, turn in offs)
+def poses(graph: MotionGraph, which: str, setting: str) -> NDArray[np.bool_]:
+    """(N,) the frames that a walk may start or end in."""
+    if which == "any":
+        return np.ones(graph.frames, dtype=bool)
+    able = standing(graph)
+    if not able.any():
+        raise HopdiffError(f"{setting}=standing: the body stands in no frame of the clips.")
+    return able
 
 
-def _calm(before: RootPath, after: RootPath, graph: MotionGraph) -> bool:
-    """Whether an edited walk is about as quick as the clips or it was before: a short walk bent far would dash or
-    spin."""
-    inside = np.ones(graph.frames - 1, dtype=bool)
-    inside[graph.first[1:-1] - 1] = False
-    step, turn = float(np.abs(np.diff(graph.ground))[inside].max()), float(np.abs(np.diff(graph.yaw))[inside].max())
-    own, made = _fastest(before), _fastest(after)
-    return made[0] <= HASTE * max(step, own[0]) and made[1] <= HASTE * max(turn, own[1])
+def _that_fit(able: NDArray[np.bool_], body: Body, space: FreeSpace, what: str, place: Place) -> NDArray[np.bool_]:
+    """Those of some frames (N,) in which the body fits at a place. Raises HopdiffError if there is none."""
+    fit = able & (body.depth_at(space, place.position, place.heading) <= DEPTH)
+    if not fit.any():
+        own = Body(body.parts[able], body.names)
+        raise HopdiffError(
+            f"no pose of the clips that is asked for fits at the {what} {list(place.position)} with that heading: in "
+            f"the best one {said_depth(own, space, place.position, place.heading)}."
+        )
+    return fit
 
 
-def _fastest(path: RootPath) -> tuple[float, float]:
-    """Largest step [m] and turn [rad] from frame to frame."""
-    return float(path.place.diff(dim=0).norm(dim=-1).max()), float(path.yaw.diff().abs().max())
-
-
-def _off(path: RootPath, frame: int, place: Place) -> tuple[float, float]:
-    """How far a frame is from a place [m] and its heading [rad]."""
-    turn = abs(math.remainder(float(path.yaw[frame]) - place.heading, math.tau))
-    return math.dist(path.place[frame].tolist(), place.position), turn
-
-
-def _with_numbers(
-    way: Way,
-    space: FreeSpace,
-    goal: Place,
-    chain: Sequence[Found],
-    points: Sequence[Place],
-    begun: float,
-    expansions: int,
-    tries: int,
-) -> Way:
-    (gap, gap_yaw), (error, error_yaw) = (_off(path, -1, goal) for path in (way.graph_path, way.path))
-    numbers = {
-        "seconds": time.perf_counter() - begun,
+def _numbers(
+    walk: Finished, moves: Moves, space: FreeSpace, goal: Place, found: Found, expansions: int, tries: int
+) -> dict[str, float]:
+    (gap, gap_yaw), (error, error_yaw) = (off(path, -1, goal) for path in (walk.graph_path, walk.path))
+    return {
         "expansions": expansions,
-        "legs": len(chain),
         "tries": tries,
-        "pins": way.numbers["pins"],
-        "pieces": len(way.pieces),
-        "start_frame": chain[0].start.frame,
-        "frames": way.clip.frames,
-        "duration": way.clip.duration,
+        "pins": walk.pins,
+        "bend_deg": math.degrees(float(np.abs(moves.bend[list(found.moves)]).sum())),
+        "pieces": len(walk.pieces),
+        "start_frame": found.start.frame,
+        "frames": walk.clip.frames,
+        "duration": walk.clip.duration,
         "gap": gap,
         "gap_deg": math.degrees(gap_yaw),
         "end_error": error,
         "end_error_deg": math.degrees(error_yaw),
-        "length_before": _length(way.graph_path),
-        "length": _length(way.path),
-        "clearance_before": space.clearance(way.graph_path.place),
-        "clearance": space.clearance(way.path.place),
+        "length_before": length_of(walk.graph_path),
+        "length": length_of(walk.path),
+        "clearance_before": space.clearance(walk.graph_path.place),
+        "clearance": space.clearance(walk.path.place),
     }
-    waypoints = np.array([point.position for point in points]).reshape(-1, 2)
-    return replace(way, numbers=numbers, waypoints=waypoints)
-
-
-def _length(path: RootPath) -> float:
-    return float(torch.linalg.vector_norm(path.place.diff(dim=0), dim=-1).sum())

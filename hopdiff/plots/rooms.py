@@ -11,7 +11,6 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from numpy.typing import ArrayLike
 from shapely import LineString, MultiPolygon, Polygon, box
 
 from hopdiff.editing.root_path import RootPath
@@ -40,14 +39,13 @@ def rooms_figure(
     start: Place,
     goal: Place,
     half_width: float = 0.0,
-    waypoints: ArrayLike | None = None,
     title: str = "",
 ) -> Figure:
     """Walls, furniture and both root paths from above, z up the page and x to its left, in equal scales.
 
     before: as the motion graph gives it, with an arrow where it ends. after: edited, with a band as wide as the body,
-    2 * half_width [m], and strokes to where the body faces. start, goal: arrows along their headings. waypoints: (K, 2)
-    points x, z that the way was cut at [m]. title: instead of the scene's name and the lengths of the paths.
+    2 * half_width [m], and strokes to where the body faces. start, goal: arrows along their headings. title: instead of
+    the scene's name and the lengths of the paths.
     """
     floor = scene.floor()
     around = shapely.buffer(floor, max(scene.thickness, 1e-3), join_style="mitre")
@@ -76,9 +74,6 @@ def rooms_figure(
     _arrow(axes, old[-1], float(before.yaw[-1]), BEFORE, 3.5, size=0.7 * _ARROW)
     _arrow(axes, np.array(start.position), start.heading, style.INK, 4.0, "start")
     _arrow(axes, np.array(goal.position), goal.heading, GOAL, 4.1, "goal")
-    cuts = np.asarray([] if waypoints is None else waypoints, dtype=float).reshape(-1, 2)
-    if len(cuts):
-        axes.plot(*cuts.T, "x", color=GOAL, markersize=6, markeredgewidth=1.4, zorder=3.4, label="points on the way")
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     return figure
 

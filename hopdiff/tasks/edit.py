@@ -17,6 +17,7 @@ from hopdiff.job import make_run
 from hopdiff.messages import say
 from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.edit_job import Edit, edit, source_of
+from hopdiff.tasks.edit_join import read_neighbours
 from hopdiff.tasks.edit_request import EditSettings, Request, TargetSettings, request_of
 from hopdiff.tasks.edit_results import edit_summary, write_edit
 from hopdiff.tasks.route import CurveSettings
@@ -29,10 +30,13 @@ SAME = 1e-4  # m by which two files of one motion may differ
 
 @dataclass
 class EditTask:
-    """clip: a BVH file; None makes a run of our own. target, constraints, or path: where it shall go. edit: how.
+    """clip: a BVH file; None makes a run of our own. before, after: BVH files that the clip goes on from and leads to.
+    target, constraints, or path: where it shall go. edit: how.
     ground: what feet stand on, see `hopdiff.grounds`."""
 
     clip: str | None
+    before: str | None
+    after: str | None
     target: TargetSettings
     constraints: list[Any]
     edit: EditSettings
@@ -53,8 +57,11 @@ def build(call: Call) -> Work:
         file = read_bvh(own.clip, own.edit.unit, own.edit.up)
         clip = file.clip()
         source = source_of(clip, Path(own.clip).name, own.edit, request, file, contact_beside(Path(own.clip), clip))
-        done = edit(source, request, own.edit, ground)
+        neighbours = read_neighbours(own.before, own.after, file, Path(own.clip).name)
+        done = edit(source, request, own.edit, ground, neighbours)
         return lambda folder: write(folder, done, request, call, ground)
+    if own.before is not None or own.after is not None:
+        raise HopdiffError("before and after need clip=FILE, a BVH file of their skeleton.")
     job = call.job()
 
     def work(folder: RunFolder) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -22,6 +22,7 @@ from hopdiff.feet.planting import Planted, clean_feet
 from hopdiff.feet.quality import quality_of, standing_numbers
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import BvhFile
+from hopdiff.tasks.edit_join import Neighbours, begun, between, seams_said
 from hopdiff.tasks.edit_request import EditSettings, Request
 from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
@@ -33,7 +34,7 @@ FAR = 1.5  # stretch from which on a warning is given, and below its inverse
 class Source:
     """What is edited. name: for people. clip: as it is edited, loops laid end to end. file: what it was read from, None
     for a run of our own. legs: none if the skeleton has none that can be told. contacts: of the feet, None without;
-    known: whether they were known and not found."""
+    known: whether they were known and not found. rest: where the body faces when the root is not turned [rad]."""
 
     name: str
     clip: Clip
@@ -43,12 +44,14 @@ class Source:
     path: RootPath
     repeats: int
     known: bool = False
+    rest: float = 0.0
 
 
 @dataclass(frozen=True)
 class Edit:
     """moved: the clip on its new path, with feet that slide. clip: with clean feet. planted: how they were cleaned,
     None if they were not. warnings: sentences for the user. metrics: what metrics.json holds.
+    neighbours: the clips before and after, which are then part of clip, of moved, and of the source's.
     """
 
     source: Source
@@ -59,6 +62,7 @@ class Edit:
     planted: Planted | None
     warnings: list[str]
     metrics: dict[str, Any]
+    neighbours: Neighbours | None = None
 
 
 def source_of(
@@ -89,7 +93,7 @@ def source_of(
     else:
         contacts = find_contacts(clip, legs) if legs else None
     known = stands is not None and contacts is not None
-    return Source(name, clip, file, legs, contacts, root_path(clip, rest_yaw), repeats, known)
+    return Source(name, clip, file, legs, contacts, root_path(clip, rest_yaw), repeats, known, rest_yaw)
 
 
 def _part(clip: Clip, frames: Sequence[int]) -> slice:
@@ -116,16 +120,29 @@ def _repeats(clip: Clip, name: str, settings: EditSettings, request: Request, ow
     return settings.strides if own else 1
 
 
-def edit(source: Source, request: Request, settings: EditSettings, ground: Ground | None = None) -> Edit:
-    """Edit a clip. ground: what it shall walk on, None for a level one. Raises HopdiffError, naming the frame or the
-    setting, for what cannot be."""
-    begun = time.perf_counter()
+def edit(
+    source: Source,
+    request: Request,
+    settings: EditSettings,
+    ground: Ground | None = None,
+    neighbours: Neighbours | None = None,
+) -> Edit:
+    """Edit a clip. ground: what it shall walk on, None for a level one. neighbours: clips between which it shall go.
+    Raises HopdiffError, naming the frame or the setting, for what cannot be."""
+    started = time.perf_counter()
+    if neighbours is None:
+        guess, constraints = request.constraints(source.path, source.clip.frame_time)
+    else:
+        part = begun(source.clip, source.path, source.contacts, request, neighbours)
+        source = replace(source, clip=part.clip, path=part.path, contacts=part.contacts)
+        guess, constraints = part.guess, part.constraints
     clip, before = source.clip, source.path
-    guess, constraints = request.constraints(before, clip.frame_time)
     if ground is not None and ground.flat:
         ground = None
     if ground is not None and (source.contacts is None or not settings.feet):
         raise HopdiffError("ground needs legs that can be told and edit.feet=true: feet are what stands on it.")
+    if ground is not None and neighbours is not None:
+        raise HopdiffError("clips before and after are joined on level ground only: leave out ground.")
     if request.curve is None:
         check_reach(before, constraints, clip.frame_time)
     solved = _solved(before, clip.frame_time, constraints, guess, settings)
@@ -136,11 +153,24 @@ def edit(source: Source, request: Request, settings: EditSettings, ground: Groun
     warnings = _warnings(source, solved, before)
     milliseconds = dict(solved.milliseconds)
     cleaned, start, planted = moved, time.perf_counter(), None
-    if settings.feet and source.contacts is not None:
+    seams: dict[str, float | list[int]] = {}
+    if neighbours is not None:
+        if solved.rise is not None:
+            raise HopdiffError("clips before and after are joined on level ground only: give positions as [x, z].")
+        whole = between(clip, moved, neighbours, source.legs, source.contacts)
+        planted = whole.planted(settings.feet_by) if settings.feet else None
+        moved, cleaned = whole.clip, whole.clip if planted is None else planted.clip
+        seams, said = seams_said(cleaned, whole, clip, neighbours)
+        warnings += [*neighbours.notes, *said]
+        milliseconds["feet"] = 1e3 * (time.perf_counter() - start)
+        constraints = [replace(one, frame=one.frame + whole.head) for one in constraints]
+        source = replace(source, clip=whole.source, contacts=whole.contacts, path=root_path(whole.source, source.rest))
+        solved, clip = replace(solved, path=root_path(moved, source.rest)), whole.source
+    elif settings.feet and source.contacts is not None:
         planted = clean_feet(clip, moved, source.contacts, ground, rise=solved.rise, by=settings.feet_by)
         cleaned = planted.clip
         milliseconds["feet"] = 1e3 * (time.perf_counter() - start)
-    milliseconds["all"] = 1e3 * (time.perf_counter() - begun)
+    milliseconds["all"] = 1e3 * (time.perf_counter() - started)
     metrics: dict[str, Any] = {
         "clip": source.name,
         "frames": clip.frames,
@@ -156,6 +186,7 @@ def edit(source: Source, request: Request, settings: EditSettings, ground: Groun
         "error_yaw_deg": math.degrees(solved.error_yaw),
         "start_moved": float((after.place[0] - before.place[0]).norm()),
         **path_measures(before, after, clip.frame_time),
+        **seams,
         **{f"ms_{name}": value for name, value in milliseconds.items()},
     }
     if source.contacts is not None:
@@ -166,7 +197,7 @@ def edit(source: Source, request: Request, settings: EditSettings, ground: Groun
         quality = quality_of(clip, planted, source.contacts, ground)
         metrics |= quality.numbers
         warnings += quality.sentences
-    return Edit(source, constraints, solved, moved, cleaned, planted, warnings, metrics)
+    return Edit(source, constraints, solved, moved, cleaned, planted, warnings, metrics, neighbours)
 
 
 def _solved(

@@ -57,6 +57,7 @@ class EditSettings:
     turning: float
     ridge: float
     standing: float
+    ends: float
     turn: str
     theta: str
     smooth: bool
@@ -72,7 +73,7 @@ class EditSettings:
 
     def solver(self) -> SolveSettings:
         """Of hopdiff's own solver."""
-        weights = (self.side, self.ahead, self.turning, self.ridge, self.standing)
+        weights = (self.side, self.ahead, self.turning, self.ridge, self.standing, self.ends)
         alpha = SolveSettings.alpha if self.alpha is None else self.alpha
         return SolveSettings(alpha, self.epsilon, *weights)
 
@@ -87,11 +88,11 @@ class EditSettings:
         choose("edit.turn", self.turn, TURNS)
         choose("edit.theta", self.theta, THETAS)
         choose("edit.feet_by", self.feet_by, FEET_BY)
-        for name in ("alpha", "epsilon", "side", "ahead", "turning", "ridge", "standing"):
+        for name in ("alpha", "epsilon", "side", "ahead", "turning", "ridge", "standing", "ends"):
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise HopdiffError(f"edit.{name} must be a number above 0, not {value:g}.")
-        for name in ("epsilon", "side", "ahead", "turning", "ridge", "standing"):
+        for name in ("epsilon", "side", "ahead", "turning", "ridge", "standing", "ends"):
             if not math.isfinite(getattr(self, name)):
                 raise HopdiffError(f"edit.{name} must be a finite number.")
         if self.rise is not None and not (self.variant == "paper" and abs(self.rise) <= MOST_RISE):

@@ -16,6 +16,7 @@ from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import write_bvh
 from hopdiff.io.events import write_events
 from hopdiff.io.record import write_json
+from hopdiff.joins.files import together
 from hopdiff.messages import plural
 from hopdiff.plots.edit import edit_figure
 from hopdiff.plots.feet import feet_figure
@@ -37,6 +38,8 @@ def write_edit(folder: Path, edit: Edit, request: Request, settings: Mapping[str
     source = edit.source
     if source.file is None:
         write_bvh(folder / "edited.bvh", edit.clip)
+    elif edit.neighbours is not None:
+        together(source.file, edit.clip, edit.neighbours.before, edit.neighbours.after).write(folder / "edited.bvh")
     else:
         source.file.with_motion(edit.clip).write(folder / "edited.bvh")
     if source.known and edit.planted is not None:
@@ -103,6 +106,15 @@ def edit_summary(folder: Path, edit: Edit) -> str:
         slides = ", ".join(f"{100 * m[f'slide_speed_{stage}']:.1f}" for stage in stages)
         drifts = ", ".join(f"{100 * m[f'drift_{stage}']:.1f}" for stage in stages)
         rows.append(("feet", f"slide {slides} cm/s, drift {drifts} cm (source, edited, cleaned)"))
+    if "seam_frames" in m:
+        frames = " and ".join(str(frame) for frame in m["seam_frames"])
+        rows.append(
+            (
+                "seams",
+                f"frame {frames}: speed x {m['seam_speed_ratio']:.2f},"
+                f" acceleration x {m['seam_acceleration_ratio']:.2f} of the clips' largest",
+            )
+        )
     rows.append(("took", f"{m['ms_set_up'] + m['ms_solve']:.1f} ms for the path, {m['ms_all']:.0f} ms in all"))
     rows += [("note", warning) for warning in edit.warnings]
     rows.append(("files", shown(folder)))

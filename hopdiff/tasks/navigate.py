@@ -4,15 +4,16 @@
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hopdiff.doors import config_folder
-from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.measure import path_measures
-from hopdiff.feet.contacts import find_contacts, slide_numbers
-from hopdiff.feet.planting import clean_feet
+from hopdiff.export.tables import write_npz
+from hopdiff.export.take import Take
+from hopdiff.feet.contacts import slide_numbers
+from hopdiff.feet.quality import quality_of, standing_numbers
 from hopdiff.graph.graph import build_graph
 from hopdiff.graph.scene import Place, Scene
 from hopdiff.graph.scene_file import read_scene
@@ -82,10 +83,12 @@ def build(call: Call) -> Work:
     begun = time.perf_counter()
     graph = build_graph([file.clip() for file in files], own.graph.threshold, own.graph.window)
     built = time.perf_counter() - begun
-    way = find_way(graph, scene, start, goal, own.way)
+    way = find_way(graph, scene, start, goal, own.way, ground=ground)
 
     def work(folder: RunFolder) -> None:
-        walk, feet = _with_clean_feet(way, ground)
+        quality = None
+        if way.contacts is not None and way.planted is not None:
+            quality = quality_of(way.graph_clip, way.planted, way.contacts, None if ground.flat else ground)
         numbers = {
             "scene": scene.name,
             "clips": list(own.clips),
@@ -95,16 +98,21 @@ def build(call: Call) -> Work:
             **graph.numbers(),
             **way.numbers,
             **path_measures(way.graph_path, way.path, way.clip.frame_time),
-            **feet,
+            **_slides(way),
+            **({} if quality is None else quality.numbers),
         }
         write_json(folder.path / "metrics.json", numbers)
-        files[0].with_motion(walk.clip).write(folder.path / "walk.bvh")
+        if way.planted is not None:
+            # Exports then need not find out again when feet stand.
+            take = Take.of_clip(f"walk_{scene.name}", way.clip, numbers, way.planted.touching)
+            write_npz(folder.path / "motion.npz", take)
+        files[0].with_motion(way.clip).write(folder.path / "walk.bvh")
         pictures = {}
         if call.settings.pictures:
             half = own.way.half_width
             figures = {
-                "rooms": lambda: rooms_figure(scene, way.graph_path, way.path, start, goal, half, way.waypoints),
-                "strip": lambda: sticks_figure(walk.clip, ground=ground),
+                "rooms": lambda: rooms_figure(scene, way.graph_path, way.path, start, goal, half),
+                "strip": lambda: sticks_figure(way.clip, ground=ground),
             }
             pictures = write_pictures(folder.path, figures)
         final = {name: value for name, value in numbers.items() if isinstance(value, float)}
@@ -113,6 +121,9 @@ def build(call: Call) -> Work:
             f"{Path(name).name}: {note}" for name, file in zip(own.clips, files, strict=True) for note in file.notes
         ]
         folder.notes = [Note("clip", note) for note in notes]
+        if quality is not None:
+            folder.notes += [Note("walk", sentence) for sentence in quality.sentences]
+            notes += quality.sentences
         say(summary(folder.path, numbers, notes))
 
     return work
@@ -141,20 +152,14 @@ def place_of(what: str, given: Any, scene: Scene) -> Place:
     return Place((float(numbers[0]), float(numbers[1])), math.radians(float(numbers[2])))
 
 
-def _with_clean_feet(way: Way, ground: Ground) -> tuple[Way, dict[str, float]]:
-    """The walk with feet that stand still, which blends do not leave them, and how still that is."""
-    legs = find_legs(way.graph_clip.skeleton)
-    if not legs:
-        return way, {}
-    contacts = find_contacts(way.graph_clip, legs)
-    clean = clean_feet(way.graph_clip, way.clip, contacts, ground, still=True).clip
-    stages = {"graph": way.graph_clip, "edited": way.clip, "cleaned": clean}
-    numbers = {
-        f"{name}_{stage}": value
-        for stage, clip in stages.items()
-        for name, value in slide_numbers(clip, contacts).items()
-    }
-    return replace(way, clip=clean), numbers
+def _slides(way: Way) -> dict[str, float]:
+    """How still the feet stand: as the graph blends them, after the edit, and as they were put right."""
+    if way.contacts is None or way.planted is None:
+        return {}
+    stages = {"graph": way.graph_clip, "edited": way.edited_clip}
+    slides = {stage: slide_numbers(clip, way.contacts) for stage, clip in stages.items()}
+    slides["cleaned"] = standing_numbers(way.planted, way.contacts)
+    return {f"{name}_{stage}": value for stage, numbers in slides.items() for name, value in numbers.items()}
 
 
 def summary(folder: Path, m: Mapping[str, Any], notes: Sequence[str] = ()) -> str:

@@ -268,3 +268,44 @@ def test_milliseconds_are_told_of_set_up_and_solution(monkeypatch: pytest.Monkey
     monkeypatch.setattr("hopdiff.editing.targets.time.perf_counter", lambda: next(ticks))
     found = edit_path(walk(), [Constraint(119, (1.0, 2.0))], FRAME).milliseconds
     assert found == {"set_up": 500.0, "solve": 2000.0}
+
+
+@pytest.mark.parametrize("facing", [90.0, -60.0, 180.0])
+def test_where_the_body_faces_says_nothing_of_how_its_way_is_bent(facing: float) -> None:
+    """Somebody who walks sideways is led along the way that somebody who walks ahead is led along."""
+    ahead = walk(120, bend=0.4)
+    aside = RootPath(ahead.place, ahead.yaw + math.radians(facing))
+    place = end(ahead, 0.2, 0.1)
+    found = [
+        edit_path(path, [Constraint(119, place, float(path.yaw[-1]) + 0.6)], FRAME).path for path in (ahead, aside)
+    ]
+    assert (found[0].place - found[1].place).norm(dim=-1).max() < 1e-3
+    turned = found[1].yaw - found[0].yaw - math.radians(facing)
+    assert turned.abs().max() < 1e-3
+
+
+@pytest.mark.parametrize("turn", [None, 90.0])
+def test_a_clip_begins_and_ends_as_fast_as_it_did(turn: float | None) -> None:
+    path = walk(150)
+    wish = last(path, end(path, 0.1, 0.4), turn)
+    held, free = (edit_path(path, [wish], FRAME, SolveSettings(ends=ends)).path for ends in (SolveSettings().ends, 0.0))
+
+    def change(edited: RootPath) -> torch.Tensor:
+        return (steps_of(edited) - steps_of(path))[:, :2].norm(dim=-1)
+
+    for edge in (0, -1):
+        assert float(change(held)[edge]) < 0.2 * float(change(held).mean())
+        assert float(change(held)[edge]) < 0.3 * float(change(free)[edge])
+
+
+def test_who_stands_is_not_shifted_while_standing() -> None:
+    """What has to be gone farther is gone where the body goes."""
+    path = walk(160)
+    place = path.place.clone()
+    place[60:100] = place[60]
+    place[100:] -= place[100] - place[60]
+    stop = RootPath(place, path.yaw)
+    edited = edit_path(stop, [last(stop, end(stop, 0.0, 0.3))], FRAME).path
+    moved = edited.place.diff(dim=0).norm(dim=-1)
+    assert float(moved[66:94].sum()) < 0.05
+    assert float(moved[10:50].mean()) > 1.2 * float(stop.place.diff(dim=0).norm(dim=-1)[10:50].mean())

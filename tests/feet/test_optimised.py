@@ -104,7 +104,7 @@ def stand(first: int, last: int, x: float, z: float, turn: float = 0.0, free: bo
 def test_the_way_between_contacts_costs_least() -> None:
     """Where nothing else pulls, c^6 times the sixth difference of what is added is that itself: Euler's equation."""
     foot = sliding([stand(20, 40, 0.2, 0.5, turn=0.3), stand(70, 90, -0.1, 1.3)], 120)
-    (way,), lowered = optimised_ways([foot], FRAME, LOWEST)
+    (way,), lowered = optimised_ways([foot], FRAME, LOWEST, (0, 119))
     assert float(lowered.abs().max()) < 1e-12
     added = way.ankle - foot.ankle
     torch.testing.assert_close(way.ankle[20:41], foot.stands[0].ankle, rtol=0.0, atol=1e-12)
@@ -120,12 +120,20 @@ def test_the_way_between_contacts_costs_least() -> None:
 def test_a_contact_that_may_be_elsewhere_is_where_it_costs_least() -> None:
     """Beside the way that the foot is led by it has no reason to stay; a bound one stays."""
     free, bound = (
-        optimised_ways([sliding([stand(40, 60, 0.2, 50 * FRAME, free=one)], 100)], FRAME, LOWEST)[0][0].ankle
+        optimised_ways([sliding([stand(40, 60, 0.2, 50 * FRAME, free=one)], 100)], FRAME, LOWEST, (0, 99))[0][0].ankle
         for one in (True, False)
     )
     assert float(bound[40:61, 0].min()) == pytest.approx(0.2)
     assert float(free[40:61, 0].abs().max()) < 1e-6
     assert float(free[40:61].diff(dim=0).abs().max()) < 1e-9
+
+
+def test_frames_that_are_kept_stay_as_they_are_led() -> None:
+    foot = sliding([stand(40, 60, 0.2, 50 * FRAME, turn=0.2)], 120)
+    (way,), _ = optimised_ways([foot], FRAME, LOWEST, (25, 70))
+    added = (way.ankle - foot.ankle).abs().amax(dim=-1)
+    assert float(added[:26].max()) == float(added[70:].max()) == 0.0
+    assert float(added[26:70].min()) > 0.0
 
 
 def test_feet_turn_from_print_to_print() -> None:
@@ -136,7 +144,7 @@ def test_feet_turn_from_print_to_print() -> None:
         turns.append(yaw)
         return foot.way(ankle, yaw)
 
-    optimised_ways([Sliding(foot.ankle, foot.turn, foot.stands, way)], FRAME, LOWEST)
+    optimised_ways([Sliding(foot.ankle, foot.turn, foot.stands, way)], FRAME, LOWEST, (0, 119))
     turn = turns[-1]
     assert float((turn[20:41] - 0.3).abs().max()) < 1e-12
     assert float(turn[70:91].abs().max()) < 1e-12
@@ -147,7 +155,7 @@ def test_limits_count_only_where_they_are_exceeded() -> None:
     """At the least the gradient vanishes, of a random problem and of one without limits."""
     generator = np.random.default_rng(0)
     for limits in (0, 30):
-        unknowns = _Unknowns(8)
+        unknowns = _Unknowns(np.ones(8, dtype=bool))
         unknowns.free(np.ones(8, dtype=bool))
         rows = _Rows(sparse.csr_matrix(generator.normal(size=(12, 8))), generator.normal(size=12))
         over = _Rows(sparse.csr_matrix(10.0 * generator.normal(size=(limits, 8))), generator.normal(size=limits))

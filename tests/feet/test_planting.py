@@ -312,3 +312,47 @@ def test_a_root_sinks_only_as_far_as_its_legs_are_too_short() -> None:
     # Nothing sinks that need not.
     flat = with_root_path(clip, path, RootPath(path.place + torch.tensor([3.0, 1.0]), path.yaw))
     assert torch.equal(clean_feet(clip, flat, contacts).clip.root_position, flat.root_position)
+
+
+def standing_still(seconds: float) -> Clip:
+    """Somebody who stands for a while in the middle of a walk."""
+    clip = clip_of("walk")
+    middle = clip.frames // 2
+    count = round(seconds / clip.frame_time)
+    order = torch.cat((torch.full((count,), middle), torch.full((1,), middle)))
+    return replace(clip, root_position=clip.root_position[order], rotations=clip.rotations[order])
+
+
+def test_who_stands_and_has_to_go_elsewhere_makes_steps() -> None:
+    clip = standing_still(4.0)
+    contacts = contacts_of(clip)
+    path = root_path(clip)
+    shift = torch.linspace(0.0, 1.5, clip.frames, dtype=torch.float64)
+    moved = with_root_path(clip, path, RootPath(path.place + torch.stack((shift, 0.0 * shift), dim=-1), path.yaw))
+    planted = clean_feet(clip, moved, contacts)
+    steps = [len(list(spans(planted.touching[:, k]))) for k in (0, 1)]
+    stood = [len(contacts.plants(k)) for k in (0, 1)]
+    feet = [k for k in (0, 1) if stood[k]]
+    assert feet
+    assert all(steps[k] > stood[k] for k in feet)
+    # Never both feet at once, and each of them lifted and set down again, not slid.
+    if len(feet) == 2:
+        assert bool(planted.touching.any(dim=-1).all())
+    points = contact_points(planted.clip, contacts)
+    for p, (leg, _) in enumerate(contacts.points):
+        for first, last in spans(planted.touching[:, leg] & contacts.touching[:, p]):
+            if first > 0 and last < clip.frames - 1:
+                drift = (points[first : last + 1, p] - points[first, p])[:, [0, 2]].norm(dim=-1)
+                assert float(drift.max()) < 0.01
+
+
+def test_what_cannot_be_reached_is_given_up_and_the_body_does_not_fall() -> None:
+    clip = clip_of("walk")
+    contacts, path = contacts_of(clip), root_path(clip)
+    far = path.place[0] + 1.8 * (path.place[-1] - path.place[0])
+    bound = Constraint(clip.frames - 1, (float(far[0]), float(far[1])), keep=True)
+    moved = with_root_path(clip, path, edit_path(path, [bound], clip.frame_time).path)
+    planted = clean_feet(clip, moved, contacts)
+    assert bool(planted.given_up.any())
+    assert float(planted.lowered.max()) <= LOWEST
+    assert fastest(planted.clip) < 5.0 * fastest(clip)

@@ -41,7 +41,7 @@ def path(end: tuple[float, float], yaw: float) -> RootPath:
 @pytest.fixture(scope="module")
 def figure() -> Figure:
     before, after = path((2.8, 7.6), 1.2), path(GOAL.position, GOAL.heading)
-    made = rooms_figure(scene(), before, after, START, GOAL, 0.25, [[2.0, 4.5]])
+    made = rooms_figure(scene(), before, after, START, GOAL, 0.25)
     FigureCanvasAgg(made).draw()
     return made
 
@@ -50,13 +50,12 @@ def lines(figure: Figure) -> dict[str, np.ndarray]:
     return {str(line.get_label()): np.stack(line.get_data(), axis=1) for line in figure.axes[0].lines}
 
 
-def test_both_paths_start_goal_and_cuts_are_drawn_where_they_are(figure: Figure) -> None:
+def test_both_paths_start_and_goal_are_drawn_where_they_are(figure: Figure) -> None:
     drawn = lines(figure)
     np.testing.assert_allclose(drawn["path in the motion graph"][-1], [2.8, 7.6])
     np.testing.assert_allclose(drawn["path after the edit"][-1], GOAL.position)
     np.testing.assert_allclose(drawn["start"], [START.position])
     np.testing.assert_allclose(drawn["goal"], [GOAL.position])
-    np.testing.assert_allclose(drawn["points on the way"], [[2.0, 4.5]])
 
 
 def test_arrows_point_along_the_headings(figure: Figure) -> None:

@@ -22,7 +22,7 @@ from tests.people import file_of
 from tests.tasks.writings import below
 
 RECORD = {"config.yaml", "status.json", "versions.json", "git.json"}
-FILES = {"walk.bvh", "rooms.png", "strip.png", "metrics.json", *RECORD}
+FILES = {"walk.bvh", "motion.npz", "rooms.png", "strip.png", "metrics.json", *RECORD}
 
 HILL = """\
 rooms: {hall: [[0, 0], [9, 0], [9, 9], [0, 9]]}
