@@ -164,6 +164,9 @@ and three clips of the Movement Research Lab of Seoul National University (repos
 The data used in this project was obtained from mocap.cs.cmu.edu; the database was created with funding from NSF
 EIA-0196217. Without FOLDER the figures show a run of hopdiff's own, and the rooms are left out.
 
+[contacts.md](contacts.md), by `python -m experiments.kim2021.contacts FILES`, compares contacts kept by an optimisation
+over the whole clip, as in the paper's algorithm 1, with hopdiff's own planting of one after the other.
+
 hopdiff's own variant, which stands beside the paper's, binds the place and yaw of the last frame itself.
 """
 

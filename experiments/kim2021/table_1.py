@@ -87,8 +87,8 @@ def table_1(clips: Path) -> str:
     for row in ROWS:
         for variant in VARIANTS:
             found = [edited(row, *paths[row.name], variant, alpha) for alpha in ALPHAS]
-            cells = [str(one.rounds) if one.converged else f"{one.rounds}, not arrived" for one in found]
-            rounds.append((row.name, variant, *cells, row.rounds, f"{_timed(row, *paths[row.name], variant):.1f}"))
+            counts = [str(one.rounds) if one.converged else f"{one.rounds}, not arrived" for one in found]
+            rounds.append((row.name, variant, *counts, row.rounds, f"{_timed(row, *paths[row.name], variant):.1f}"))
     bold = [f"**{alpha:g}**" if alpha == ALPHA else f"{alpha:g}" for alpha in ALPHAS]
     return "\n".join(
         (

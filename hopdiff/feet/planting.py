@@ -11,6 +11,7 @@ sooner.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -20,6 +21,7 @@ from torch.nn import functional
 from hopdiff.editing.root_path import root_path
 from hopdiff.feet.contacts import Contacts, spans
 from hopdiff.feet.footing import Footing, body_rise
+from hopdiff.feet.optimised import Sliding, Stand, optimised_ways
 from hopdiff.feet.prints import STEP_TIME, FootPrint, GroundMove, foot_prints, shortened, spread, steps_in, weights
 from hopdiff.feet.reach import EASY, lacking, longest
 from hopdiff.feet.track import LegTrack, leg_tracks, smooth_step
@@ -28,6 +30,7 @@ from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.terrain.ground import Ground
 
+FEET_BY = ("fast", "optimised")
 LOWEST = 0.07  # m by which the root is lowered at most
 MISS = 0.003  # m that a foot in contact may be off its print
 SHIFTS = (0.0, 0.03, -0.03, 0.06, -0.06, 0.1, -0.1, 0.14, -0.14)  # m along the way by which prints are tried
@@ -55,6 +58,7 @@ def clean_feet(
     still: bool | Tensor = False,
     rise: Tensor | None = None,
     kept: tuple[int, int] | None = None,
+    by: str = "fast",
 ) -> Planted:
     """The edited clip with feet that stand where the source's stand.
 
@@ -62,7 +66,8 @@ def clean_feet(
     all up to one frame and from another one on (kept), through which the edit must be one turn and shift each.
     ground: what it walks on, level at height 0 if None. still: whether, or (T,) in which frames, feet that slide in the
     source, as in a blend of two motions, are held too. Otherwise doing it again changes nothing, and neither does it
-    without an edit. rise: (T,) by how much the edit raises the body [m].
+    without an edit. rise: (T,) by how much the edit raises the body [m]. by: one of FEET_BY, how ankles and root are
+    found between the contacts.
     """
     edit = GroundMove.between(root_path(source), root_path(edited))
     if ground is not None and ground.flat:
@@ -80,13 +85,12 @@ def clean_feet(
     if ground is not None:
         rise = rise + body_rise([foot.footing for foot in feet if foot.footing is not None], source.frame_time)
     for _ in range(PASSES):
-        ways = [foot.way(rise) for foot in feet]
-        lowered = lowering(ways, LOWEST, (head, tail))
+        ways, lowered = _ways(feet, rise, by, (head, tail))
         given_up = [foot.give_up(way.missed(lowered)) for foot, way in zip(feet, ways, strict=True)]
         if not any(given_up):
             break
     else:
-        ways = [foot.way(rise) for foot in feet]
+        ways, lowered = _ways(feet, rise, by, (head, tail))
     root = edited.root_position.clone()
     root[:, 1] = (source.root_position[:, 1].double() + rise - lowered).to(root)
     rotations = edited.rotations.clone()
@@ -99,6 +103,14 @@ def clean_feet(
     stands = torch.stack([foot.stands for foot in feet], dim=-1)
     stood = torch.stack([foot.stood for foot in feet], dim=-1)
     return Planted(replace(edited, root_position=root, rotations=rotations), stands, stood & ~stands, lowered)
+
+
+def _ways(feet: Sequence[_Foot], rise: Tensor, by: str, kept: tuple[int, int]) -> tuple[list[FootWay], Tensor]:
+    """The ways of the feet, and (T,) by how much the root is lowered [m]."""
+    if by == "optimised":
+        return optimised_ways([foot.sliding(rise) for foot in feet], feet[0].frame_time, LOWEST, kept)
+    ways = [foot.way(rise) for foot in feet]
+    return ways, lowering(ways, LOWEST, kept)
 
 
 class _Foot:
@@ -183,11 +195,33 @@ class _Foot:
             ankle[here] += share[:, None] * (move(self._own(one, here)) - own[here])
             yaw[here] += share * (move.turn - turn[here])
             weight[here] += share
+        return self._along(ankle, yaw, weight, rise)
+
+    def sliding(self, rise: Tensor) -> Sliding:
+        """The foot as the edit leads it, and its contacts, to be found together with others."""
+        own, turn = self.edit(self.track.ankle), self.edit.turn
+        weight = torch.zeros_like(turn)
+        for here, share in weights(self.prints, len(own), self.frame_time, self.kept):
+            weight[here] += share
+        stands = [
+            Stand(
+                one.frames,
+                one.move(self._own(one, one.frames)),
+                one.move.turn.expand(one.last + 1 - one.first),
+                # Where ground is not level a print is on its tread already.
+                free=self.footing is None and not one.pinned,
+            )
+            for one in self.prints
+        ]
+        return Sliding(own, turn, stands, lambda ankle, yaw: self._along(ankle, yaw, weight, rise))
+
+    def _along(self, ankle: Tensor, yaw: Tensor, weight: Tensor, rise: Tensor) -> FootWay:
+        """The way of an ankle (T, 3) over level ground [m], on the ground that is there."""
         ankle = sunk(ankle, -self._lift())
         frame, hip = axis_rotation("Y", yaw), sunk(self.hip, -rise)
         if self.footing is not None:
             ankle, frame = self.footing.lifted(ankle, frame, self.stands, self.frame_time)
-        return FootWay(track, hip, ankle, frame, self.stands, weight, self.flat, self.frame_time)
+        return FootWay(self.track, hip, ankle, frame, self.stands, weight, self.flat, self.frame_time)
 
     def _lift(self) -> Tensor:
         """(T,) by how much the foot is lifted where it has left the ground, or not come to it, unlike in the source."""

@@ -41,7 +41,7 @@ class Joined:
     def kept(self) -> tuple[int, int]:
         return self.head, self.tail
 
-    def planted(self, everywhere: bool = False) -> Planted | None:
+    def planted(self, everywhere: bool = False, by: str = "fast") -> Planted | None:
         """With feet that stand still, None without legs; frames up to head and from tail on are what they were.
 
         everywhere: whether slides of the walk itself are held, too, and not only those of blends.
@@ -51,7 +51,7 @@ class Joined:
         still = self.blends.clone()
         if everywhere:
             still[self.head + 1 : self.tail] = True
-        return clean_feet(self.source, self.clip, self.contacts, still=still, kept=self.kept)
+        return clean_feet(self.source, self.clip, self.contacts, still=still, kept=self.kept, by=by)
 
 
 def joined(

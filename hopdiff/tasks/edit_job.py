@@ -159,7 +159,7 @@ def edit(
         if solved.rise is not None:
             raise HopdiffError("clips before and after are joined on level ground only: give positions as [x, z].")
         whole = between(clip, moved, neighbours, source.legs, source.contacts)
-        planted = whole.planted() if settings.feet else None
+        planted = whole.planted(settings.feet_by) if settings.feet else None
         moved, cleaned = whole.clip, whole.clip if planted is None else planted.clip
         seams, said = seams_said(cleaned, whole, clip, neighbours)
         warnings += [*neighbours.notes, *said]
@@ -168,7 +168,7 @@ def edit(
         source = replace(source, clip=whole.source, contacts=whole.contacts, path=root_path(whole.source, source.rest))
         solved, clip = replace(solved, path=root_path(moved, source.rest)), whole.source
     elif settings.feet and source.contacts is not None:
-        planted = clean_feet(clip, moved, source.contacts, ground, rise=solved.rise)
+        planted = clean_feet(clip, moved, source.contacts, ground, rise=solved.rise, by=settings.feet_by)
         cleaned = planted.clip
         milliseconds["feet"] = 1e3 * (time.perf_counter() - start)
     milliseconds["all"] = 1e3 * (time.perf_counter() - started)

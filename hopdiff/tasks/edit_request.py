@@ -14,6 +14,7 @@ from hopdiff.editing.paper import THETAS, PaperSettings
 from hopdiff.editing.root_path import RootPath
 from hopdiff.editing.solve import SolveSettings
 from hopdiff.editing.targets import TURNS, Constraint
+from hopdiff.feet.planting import FEET_BY
 from hopdiff.geometry.curve import PlaneCurve
 from hopdiff.messages import choose, near
 from hopdiff.tasks.route import CurveSettings
@@ -65,6 +66,7 @@ class EditSettings:
     repeat: int | None
     strides: int
     feet: bool
+    feet_by: str
     unit: Any
     up: str | None
     joints: dict[str, str]
@@ -85,6 +87,7 @@ class EditSettings:
         choose("edit.variant", self.variant, VARIANTS)
         choose("edit.turn", self.turn, TURNS)
         choose("edit.theta", self.theta, THETAS)
+        choose("edit.feet_by", self.feet_by, FEET_BY)
         for name in ("alpha", "epsilon", "side", "ahead", "turning", "ridge", "standing", "ends"):
             value = getattr(self, name)
             if value is not None and not value > 0:

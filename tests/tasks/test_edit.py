@@ -151,6 +151,16 @@ def test_the_paper_s_variant_raises_the_body_where_asked_and_feet_stay_down(
     assert metrics(tmp_path / "0.04")["foot_float"] < 0.01
 
 
+def test_feet_may_be_found_over_the_whole_clip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = (f"clip={file_of('walk', tmp_path)}", "target.position=[0.3,0]", "target.relative=true", "pictures=false")
+    found = {}
+    for by in ("fast", "optimised"):
+        assert command(monkeypatch, tmp_path / by, *words, f"edit.feet_by={by}") == 0
+        found[by] = read_bvh(tmp_path / by / "edited.bvh").clip().joint_positions()
+        assert metrics(tmp_path / by)["slide_speed_cleaned"] < metrics(tmp_path / by)["slide_speed_source"] + 0.02
+    assert 0.005 < float((found["fast"] - found["optimised"]).norm(dim=-1).max()) < 0.3
+
+
 def test_a_part_of_a_clip_is_edited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = file_of("walk", tmp_path)
     whole = read_bvh(file).clip()
@@ -259,6 +269,7 @@ def test_a_thing_without_feet_is_moved_and_says_so(
         (("clip=WALK", "edit.side=nan"), "edit.side must be a number above 0, not nan."),
         (("clip=WALK", "edit.repeat=0"), "edit.repeat must be from 1 to 1000, not 0."),
         (("clip=WALK", "edit.rise=0.1"), "edit.rise=0.1 goes with edit.variant=paper and must be from -1 to 1 m."),
+        (("clip=WALK", "edit.feet_by=slow"), "edit.feet_by must be one of fast, optimised, not 'slow'."),
         (("clip=WALK", "edit.frames=[3]"), "edit.frames must be the first and the last frame, not [3]."),
         (("clip=WALK", "edit.frames=[5,6]"), "edit.frames=[5, 6] must be 3 frames at least of the clip's"),
         (("clip=WALK", "edit.frames=[0,99999]"), "edit.frames=[0, 99999] must be 3 frames at least of the clip's"),
