@@ -44,7 +44,7 @@ class Joined:
     def planted(self, everywhere: bool = False, by: str = "fast") -> Planted | None:
         """With feet that stand still, None without legs; frames up to head and from tail on are what they were.
 
-        everywhere: whether slides of the walk itself are held, too, and not only those of blends.
+        everywhere: whether slides of the walk itself are held, too, and not only those of blends. by: see `clean_feet`.
         """
         if self.contacts is None:
             return None

@@ -159,7 +159,7 @@ def edit(
         if solved.rise is not None:
             raise HopdiffError("clips before and after are joined on level ground only: give positions as [x, z].")
         whole = between(clip, moved, neighbours, source.legs, source.contacts)
-        planted = whole.planted(settings.feet_by) if settings.feet else None
+        planted = whole.planted(by=settings.feet_by) if settings.feet else None
         moved, cleaned = whole.clip, whole.clip if planted is None else planted.clip
         seams, said = seams_said(cleaned, whole, clip, neighbours)
         warnings += [*neighbours.notes, *said]
