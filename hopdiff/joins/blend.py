@@ -39,7 +39,7 @@ def _needed(walk: Tensor, before: Tensor, frame_time: float, least: float) -> fl
     """Seconds that places (T, K, 3) need to come from those before (T', K, 3) on [m]."""
     n = _glance(walk, before, frame_time)
     far = (walk[0] - before[-1]).norm(dim=-1)
-    faster = ((walk[n] - walk[0]) - (before[-1] - before[-1 - n])).norm(dim=-1) / (n * frame_time)
+    faster = ((walk[n] - walk[0]) - (before[-1] - before[max(-1 - n, -len(before))])).norm(dim=-1) / (n * frame_time)
     m = max(1, min(round(GLANCE / frame_time), (len(walk) - 1) // 2))
     jolts = (walk[2 * m :] - 2.0 * walk[m:-m] + walk[: -2 * m]).norm(dim=-1) / (m * frame_time) ** 2
     most = EASE * float(jolts.max())

@@ -45,6 +45,12 @@ class Neighbours:
     def two(self) -> tuple[Clip | None, Clip | None]:
         return None if self.before is None else self.before.clip, None if self.after is None else self.after.clip
 
+    def seams(self, frames: int) -> list[int]:
+        """The last frame of the clip before and the first of the clip after, in so many frames of all."""
+        before, after = self.two
+        ends = [] if before is None else [before.frames - 1]
+        return ends if after is None else [*ends, frames - after.frames]
+
     @property
     def clips(self) -> list[Clip]:
         return [one.clip for one in (self.before, self.after) if one is not None]

@@ -24,7 +24,7 @@ AHEAD = 0.15  # s that a joint's velocity counts for
 GLANCE = 1.0 / 30.0  # s over which it is taken
 SKIPPED = 0.02  # m that a second of the walk that is left out counts as
 MOST_SKIPPED, SHARE = 1.5, 1.0 / 3.0  # s, and of the walk, that are left out at an end at most
-ASTRAY = 0.15  # m that a walk counts as that must be bent by as much as it is long
+ASTRAY = 0.3  # m that a walk counts as that must be bent by as much as it is long
 ARM = 0.5  # m; a turn by a radian counts as so far
 FREE = 0.5  # s between a seam and a frame of the walk that is bound
 
@@ -125,14 +125,28 @@ def moments(clip: Clip, frames: Tensor | slice = slice(None)) -> Windows:
     places = clip.joint_positions().detach().double()
     half = max(1, round(0.5 * GLANCE / clip.frame_time))
     numbers = torch.arange(clip.frames)[frames]
-    sooner, later = (numbers - half).clamp_min(0), (numbers + half).clamp_max(clip.frames - 1)
-    times = (later - sooner).clamp_min(1) * clip.frame_time
-    moved = AHEAD * (places[later] - places[sooner]) / times[:, None, None]
+    moved = AHEAD * _speeds(places, half)[numbers] / clip.frame_time
     root = math.sqrt(0.5 / places.shape[1])
     ground = as_complex(places[numbers][..., [0, 2]])
     centre = ground.mean(dim=1)
     ground = torch.cat((ground - centre[:, None], as_complex(moved[..., [0, 2]])), dim=1) * root
     return Windows(ground, torch.cat((places[numbers][..., 1], moved[..., 1]), dim=1) * root, centre)
+
+
+def _speeds(places: Tensor, half: int) -> Tensor:
+    """(T, ...) changes of places (T, ...) in a frame, taken half a glance to either side; at the ends to one side, by
+    the parabola through three places."""
+    half = min(half, (len(places) - 1) // 2)
+    if half < 1:
+        return places.diff(dim=0).mean(dim=0, keepdim=True).expand_as(places) if len(places) > 1 else 0.0 * places
+    middle = (places[2 * half :] - places[: -2 * half]) / (2.0 * half)
+    first, last = (
+        (4.0 * one[half : 2 * half] - 3.0 * one[:half] - one[2 * half : 3 * half]) / (2.0 * half)
+        if len(one) >= 3 * half
+        else middle[:1].expand(half, *one.shape[1:])
+        for one in (places, places.flip(0))
+    )
+    return torch.cat((first, middle, -last.flip(0)))
 
 
 def _most(walk: Clip) -> int:

@@ -44,7 +44,7 @@ _LAYER, _PALE_LAYER, _NEXT = 3.0, 2.4, 0.01  # z-order of the farthest figure, a
 _PALE = 0.72  # of white in the figures before the edit
 _BRIEF = 0.2  # seconds between figures, below which times get two decimals
 _LABEL_ROOM, _LABEL_DROP = 0.42, 0.17  # inches from one time to the next, and from the shadow down to it
-_WANTED = style.SERIES[6]
+_WANTED, _SEAM = style.SERIES[6], style.SERIES[4]
 
 
 def sticks_figure(
@@ -55,6 +55,7 @@ def sticks_figure(
     curve: ArrayLike | None = None,
     title: str = "",
     ground: Ground | None = None,
+    seams: Sequence[int] = (),
 ) -> Figure:
     """Stick figures at even times, left limbs blue, right ones orange; near ones cover far ones.
 
@@ -62,6 +63,7 @@ def sticks_figure(
     drawn pale behind, at the same times, or only its track where the way winds through its own ground. count: of
     figures; without it, as many as have room. curve: (L, 2) points [x, z] close together on a drawn curve [m].
     title: instead of way and time. ground: what the figures stand on, drawn along their way where it is not flat.
+    seams: frames in which one clip goes over into another, marked on the way.
     Raises HopdiffError for a count below 1 and for sides that do not fit the joints.
     """
     if count is not None and count < 1:
@@ -91,7 +93,7 @@ def sticks_figure(
     seen = np.concatenate((*reach, pieces.reshape(-1, 3)))
     figure, axes, scale = oblique_page(camera, seen, sheet, title or _caption(clip, track, frames))
     draw_relief(axes, camera, pieces)
-    _legend(figure, before is not None)
+    _legend(figure, before is not None, bool(seams))
     if len(line):
         axes.plot(*camera.project(line)[:, :2].T, color=_WANTED, linewidth=1.2, linestyle=(0, (5, 3)), zorder=2.2)
     for (some, way, faded), points in zip(layers, posed, strict=True):
@@ -102,6 +104,8 @@ def sticks_figure(
         axes.plot(*drawn.T, color=colour, linewidth=1.4, zorder=2.0 if faded else 2.1)
         if faded and winding:
             continue
+        if not faded:
+            axes.plot(*drawn[list(seams)].T, "D", color=_SEAM, markersize=8.0, markeredgecolor="#FFFFFF", zorder=5.0)
         draw_shadows(axes, camera, points, "#EBEDF1" if faded else "#DDE0E7", 1.4 if faded else 1.5, below)
         bones = Bones(some.skeleton, sides)
         for order, number in enumerate(np.argsort(camera.nearness(points[:, 0]))):
@@ -211,12 +215,13 @@ def _times(axes: Axes, camera: Camera, feet: Array, times: Array, scale: float) 
             )
 
 
-def _legend(figure: Figure, pale: bool) -> None:
+def _legend(figure: Figure, pale: bool, seams: bool) -> None:
     y = 1 - 0.225 / figure.get_figheight()
     entries = [(style.LEFT, "left"), (style.RIGHT, "right")]
     entries += [(style.pale(style.BODY, _PALE), "before the edit")] if pale else []
+    entries += [(_SEAM, "seam")] if seams else []
     for place, (colour, text) in enumerate(entries):
-        x = 0.5 + 0.06 * place
+        x = 0.5 + 0.06 * place + (0.05 if text == "seam" and pale else 0.0)
         figure.text(x, y, "\u25a0", va="center", ha="right", fontsize=13, color=colour)
         figure.text(x + 0.004, y, text, va="center", fontsize=9, color=style.INK)
 

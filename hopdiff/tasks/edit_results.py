@@ -60,7 +60,8 @@ def edit_figures(edit: Edit, request: Request, ground: Ground) -> Figures:
     if request.curve is not None:
         count = max(2, round(request.curve.length / CURVE_SPACING))
         curve = request.curve.position(torch.linspace(0.0, request.curve.length, count, dtype=torch.float64)).numpy()
-    figures: Figures = {"strip": lambda: sticks_figure(edit.clip, before=clip, curve=curve, ground=ground)}
+    seams = edit.metrics.get("seam_frames", ())
+    figures: Figures = {"strip": lambda: sticks_figure(edit.clip, before=clip, curve=curve, ground=ground, seams=seams)}
     if clip.frames >= FEWEST_DRAWN:
         path = edit.solved.path
         figures["path"] = lambda: edit_figure(

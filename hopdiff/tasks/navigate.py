@@ -128,12 +128,12 @@ def build(call: Call) -> Work:
             write_npz(folder.path / "motion.npz", take)
         file = files[0].with_motion(way.clip) if neighbours is None else together(files[0], way.clip, neighbours)
         file.write(folder.path / "walk.bvh")
-        pictures = {}
+        pictures, marks = {}, [] if neighbours is None else neighbours.seams(way.clip.frames)
         if call.settings.pictures:
             half = own.way.half_width
             figures = {
                 "rooms": lambda: rooms_figure(scene, way.graph_path, way.path, start, goal, half),
-                "strip": lambda: sticks_figure(way.clip, ground=ground),
+                "strip": lambda: sticks_figure(way.clip, ground=ground, seams=marks),
             }
             pictures = write_pictures(folder.path, figures)
         final = {name: value for name, value in numbers.items() if isinstance(value, float)}
