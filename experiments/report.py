@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import csv
+import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+
+from hopdiff.io.record import git_state
 
 
 def floats(text: str) -> list[float]:
@@ -31,6 +34,15 @@ def read_table(path: Path) -> list[dict[str, str]]:
         return []
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
+
+
+def origin(study: str, arguments: Sequence[str], folders: Sequence[str] = ("--clips",)) -> str:
+    """Commit and command that a table comes from. folders: options whose values are places on one machine, left out."""
+    state = git_state(Path(__file__).parent)
+    commit = f"`{state['commit'][:12]}`{', with changes' if state['dirty'] else ''}" if state["checkout"] else "unknown"
+    hidden = {*folders, "--out", "--runs"}
+    shown = ["FOLDER" if before in hidden else word for before, word in zip(("", *arguments), arguments, strict=False)]
+    return f"Commit {commit}; `{shlex.join(['python', '-m', f'experiments.{study}', *shown])}`."
 
 
 def markdown(heading: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import platform
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from experiments.edits.measure import arrivals, timings
 from experiments.edits.memory import peak
 from experiments.edits.pictures import draw_worst
 from experiments.edits.study import HEADING, asked, rows, study, totals
-from experiments.report import integers, markdown, words
+from experiments.report import integers, markdown, origin, words
 from hopdiff.editing.root_path import root_path
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import write_bvh
@@ -35,7 +36,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     text = judged(files, given)
     if not (given.only or given.clip):
         found = clips(given.clips)
-        text = "\n".join((head(found), text, arrived(found), timed(found, given)))
+        text = "\n".join(
+            (
+                origin("edits", sys.argv[1:] if arguments is None else arguments),
+                "",
+                head(found),
+                text,
+                arrived(found),
+                timed(found, given),
+            )
+        )
         write_whole(given.out / "results.md", text)
     print(text)
 

@@ -15,7 +15,7 @@ import torch
 
 from experiments.joins.cases import Case, cases
 from experiments.joins.judge import Verdict, judge
-from experiments.report import markdown
+from experiments.report import markdown, origin
 from hopdiff.cli import main as hopdiff
 from hopdiff.io.files import write_whole
 
@@ -42,7 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         counted.update(verdict.failed if verdict else ["refused"])
         rows.append(_row(case, verdict, words))
         print(number, *rows[-1], flush=True)
-    text = f"{', '.join(f'{name} {count}' for name, count in counted.items())}\n\n{markdown(HEADING, rows)}"
+    came = origin("joins", sys.argv[1:] if arguments is None else arguments)
+    text = f"{came}\n\n{', '.join(f'{name} {count}' for name, count in counted.items())}\n\n{markdown(HEADING, rows)}"
     if not given.clip:
         write_whole(given.out / "results.md", text)
     print(text)
