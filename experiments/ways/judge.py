@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,21 +14,11 @@ import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial.transform import Rotation
 
+from experiments.bvh_reading import read
 from experiments.ways.scenes import Pair, floor_of
 
 Floats = NDArray[np.float64]
-
-
-@dataclass
-class Node:
-    """A joint, or an end site with no channels."""
-
-    name: str
-    parent: int
-    offset: Floats
-    channels: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,60 +33,16 @@ class Walk:
 
 
 def read_walk(path: Path, unit: float) -> Walk:
-    """A BVH file, posed. unit: metres of one unit of the file."""
-    head, _, tail = path.read_text(encoding="utf-8").partition("MOTION")
-    nodes: list[Node] = []
-    stack: list[int] = []
-    for line in head.splitlines():
-        words = line.split()
-        if not words:
-            continue
-        if words[0] in ("ROOT", "JOINT", "End"):
-            parent = stack[-1] if stack else -1
-            name = f"{nodes[parent].name} end" if words[0] == "End" else words[1]
-            nodes.append(Node(name, parent, np.zeros(3)))
-        elif words[0] == "{":
-            stack.append(len(nodes) - 1)
-        elif words[0] == "}":
-            stack.pop()
-        elif words[0] == "OFFSET":
-            nodes[-1].offset = np.array(words[1:4], dtype=float)
-        elif words[0] == "CHANNELS":
-            nodes[-1].channels = [word.lower() for word in words[2:]]
-    lines = [line for line in tail.splitlines() if line.strip()]
-    frame_time = float(lines[1].split()[-1])
-    values = np.array([line.split() for line in lines[2:]], dtype=float)
-    return _posed(nodes, values, unit, frame_time)
-
-
-def _posed(nodes: list[Node], values: Floats, unit: float, frame_time: float) -> Walk:
-    count = len(values)
-    places = np.zeros((count, len(nodes), 3))
-    turns: list[Rotation] = []
-    column = 0
-    for k, node in enumerate(nodes):
-        shift = np.tile(node.offset, (count, 1))
-        axes, angles = "", []
-        for channel in node.channels:
-            if channel.endswith("position"):
-                # A position channel stands in place of the joint's offset.
-                shift[:, "xyz".index(channel[0])] = values[:, column]
-            else:
-                axes += channel[0].upper()
-                angles.append(values[:, column])
-            column += 1
-        own = Rotation.from_euler(axes, np.stack(angles, axis=-1), degrees=True) if axes else Rotation.identity(count)
-        if node.parent < 0:
-            places[:, k] = shift
-            turns.append(own)
-        else:
-            places[:, k] = places[:, node.parent] + turns[node.parent].apply(shift)
-            turns.append(turns[node.parent] * own)
-    matrix = turns[0].as_matrix()
+    """A BVH file, posed. unit: metres of one unit of the file. Raises ValueError, naming it, if it cannot be read."""
+    bvh = read(path)
+    places, turns = bvh.forward()
+    ends = [places[:, joint] + turns[:, joint] @ offset for joint, offset in bvh.ends.items()]
+    places = np.concatenate((places, np.array(ends).reshape(-1, len(places), 3).swapaxes(0, 1)), axis=1)
+    names = [*bvh.names, *(f"{bvh.names[joint]} end" for joint in bvh.ends)]
     # The turn about y that is nearest to the root's.
-    yaw = np.arctan2(matrix[:, 0, 2] - matrix[:, 2, 0], matrix[:, 0, 0] + matrix[:, 2, 2])
-    forward = np.stack((np.sin(yaw), np.cos(yaw)), axis=-1)
-    return Walk([node.name for node in nodes], unit * places, forward, frame_time)
+    root = turns[:, 0]
+    yaw = np.arctan2(root[:, 0, 2] - root[:, 2, 0], root[:, 0, 0] + root[:, 2, 2])
+    return Walk(names, unit * places, np.stack((np.sin(yaw), np.cos(yaw)), axis=-1), bvh.frame_time)
 
 
 @dataclass(frozen=True)
@@ -121,7 +67,7 @@ def judge(walk: Walk, data: Mapping[str, Any], pair: Pair) -> Verdict:
     flat = ground.reshape(-1, 2)
     shapely.prepare(floor)
     beyond = ~shapely.contains_xy(floor, flat)
-    depth = np.zeros(len(flat))
+    depth: Floats = np.zeros(len(flat))
     depth[beyond] = shapely.distance(floor, shapely.points(flat[beyond]))
     depth = depth.reshape(ground.shape[:2])
     root = ground[:, 0]

@@ -96,6 +96,30 @@ def hits(space: FreeSpace, root: Complexes, parts: Complexes) -> Complexes:
     return push
 
 
+@dataclass(frozen=True)
+class Inside:
+    """Where a body is deepest in a wall or furniture. depth: [m], 0 if it is in none; then the rest says nothing. part:
+    a joint, or the end of one. thing: what it is in, in words."""
+
+    depth: float
+    frame: int
+    part: str
+    thing: str
+
+
+def deepest(clip: Clip, space: FreeSpace, frames: slice = slice(None)) -> Inside:
+    """Of all joints and end sites in some frames of a clip."""
+    taken = range(clip.frames)[frames]
+    if not taken:
+        return Inside(0.0, 0, "", "")
+    own = clip.part(frames)
+    body = body_of(own)
+    placed = body.placed(root_path(own))
+    deep = depths(space, placed)
+    frame, part = divmod(int(deep.argmax()), deep.shape[1])
+    return Inside(float(deep.max()), taken[frame], body.names[part], thing_at(space, complex(placed[frame, part])))
+
+
 def groups(frames: Ints, gap: int) -> list[NDArray[np.int64]]:
     """Frames in rising order, cut where more than a gap lies between two."""
     if not len(frames):

@@ -14,10 +14,12 @@ from hopdiff.export.tables import write_npz
 from hopdiff.export.take import Take
 from hopdiff.feet.contacts import slide_numbers
 from hopdiff.feet.quality import quality_of, standing_numbers
+from hopdiff.graph.body import deepest
 from hopdiff.graph.graph import build_graph
 from hopdiff.graph.scene import Place, Scene
 from hopdiff.graph.scene_file import read_scene
 from hopdiff.graph.settings import WaySettings
+from hopdiff.graph.space import FreeSpace
 from hopdiff.graph.way import Way, find_way
 from hopdiff.grounds import build_ground
 from hopdiff.io.bvh import read_bvh
@@ -30,7 +32,7 @@ from hopdiff.plots.rooms import rooms_figure
 from hopdiff.plots.sticks import sticks_figure
 from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.edit_join import read_neighbours, seam_rows
-from hopdiff.tasks.navigate_join import asked, joined_way
+from hopdiff.tasks.navigate_join import asked, inside_said, joined_way, own_frames
 from hopdiff.tasks.results import shown, write_pictures
 from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
@@ -103,6 +105,9 @@ def build(call: Call) -> Work:
     way = found
     if neighbours is not None:
         way, seams, said = joined_way(found, neighbours, graph.clips[0])
+    # What lies before and after may be in a bed or a chair.
+    inside = deepest(way.clip, FreeSpace(scene, settings.half_width), own_frames(way, neighbours))
+    said += inside_said(inside)
 
     def work(folder: RunFolder) -> None:
         quality = None
@@ -118,6 +123,7 @@ def build(call: Call) -> Work:
             **way.numbers,
             **path_measures(found.graph_path, found.path, way.clip.frame_time),
             **seams,
+            "body_depth": inside.depth,
             **_slides(way),
             **({} if quality is None else quality.numbers),
         }
@@ -198,7 +204,7 @@ def summary(folder: Path, m: Mapping[str, Any], notes: Sequence[str] = ()) -> st
         (
             "edited",
             f"{1000 * m['end_error']:.2f} mm and {m['end_error_deg']:.3f} deg off; middle {m['clearance']:.2f} m or"
-            " more from everything, no joint more than 1 cm inside anything",
+            f" more from everything, deepest joint {100 * m['body_depth']:.1f} cm inside",
         ),
     ]
     if m["bend_deg"]:

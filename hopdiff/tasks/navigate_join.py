@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hopdiff.editing.leg_joints import find_legs
 from hopdiff.editing.root_path import root_path
 from hopdiff.geometry.clip import Clip
+from hopdiff.graph.body import DEPTH, Inside
 from hopdiff.graph.distance import distances
 from hopdiff.graph.graph import MotionGraph
 from hopdiff.graph.scene import Place
@@ -82,6 +83,20 @@ def joined_way(way: Way, neighbours: Neighbours, source: Clip) -> tuple[Way, dic
         contacts=whole.contacts,
     )
     return made, numbers, [*neighbours.notes, *said]
+
+
+def own_frames(way: Way, neighbours: Neighbours | None) -> slice:
+    """The frames of a way's clip that are neither of the clip before it nor of the one after."""
+    before, after = (None, None) if neighbours is None else neighbours.two
+    frames = way.clip.frames
+    return slice(0 if before is None else before.frames, frames if after is None else frames - after.frames)
+
+
+def inside_said(inside: Inside) -> list[str]:
+    """A sentence for the user if a walk is in a wall: its ends are blended with other clips after it was checked."""
+    if inside.depth <= DEPTH:
+        return []
+    return [f"{inside.part} is {100.0 * inside.depth:.1f} cm inside {inside.thing} in frame {inside.frame}."]
 
 
 def _place(clip: Clip, frame: int) -> Place:

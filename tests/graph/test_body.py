@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from hopdiff.editing.root_path import root_path
-from hopdiff.graph.body import body_of, depths, groups, hits, said_depth
-from hopdiff.graph.scene import Wall
+from hopdiff.graph.body import body_of, deepest, depths, groups, hits, said_depth
+from hopdiff.graph.scene import Scene, Wall
 from hopdiff.graph.space import FreeSpace
 from tests.graph.rooms import hall, rectangle
 from tests.people import clip_of
@@ -64,3 +64,21 @@ def test_what_does_not_fit_is_named() -> None:
     assert float(said.split(" is ")[1].split()[0]) == pytest.approx(100.0 * deep.min(), abs=0.06)
     beside = body.depth_at(space, (4.1, 3.0), math.radians(90.0))
     assert 0.0 < beside.max() < 0.9
+
+
+def test_the_deepest_part_is_told_with_its_frame_and_what_it_is_in() -> None:
+    """Of a floor that ends 2 cm before the farthest place that any part gets to along x in some frames."""
+    clip, here = clip_of("wander"), slice(100, 200)
+    ends = {f"the end of {name}": end for name, end in clip.end_positions().items()}
+    parts = dict(zip(clip.skeleton.names, clip.joint_positions().unbind(1), strict=True)) | ends
+    far = torch.stack([place[:, 0] for place in parts.values()], dim=1)
+    frame, part = divmod(int(far[here].argmax()), far.shape[1])
+    edge = float(far[here].max()) - 0.02
+    for thing, more in (("a wall", {}), ("furniture 'box'", {"furniture": {"box": rectangle(edge, -30.0, 5.0, 60.0)}})):
+        wide = 60.0 if more else 30.0 + edge
+        scene = Scene("hall", {"hall": rectangle(-30.0, -30.0, wide, 60.0)}, **more)
+        found = deepest(clip, FreeSpace(scene, 0.0), here)
+        assert found.depth == pytest.approx(0.02, abs=1e-6)
+        assert (found.frame, found.part, found.thing) == (100 + frame, list(parts)[part], thing)
+        assert deepest(clip, FreeSpace(scene, 0.0), slice(100, 100 + frame)).depth < 0.02
+        assert deepest(clip, FreeSpace(scene, 0.0), slice(0, 0)).depth == 0.0

@@ -12,9 +12,11 @@ from hopdiff.composing import compose
 from hopdiff.config import checked
 from hopdiff.doors import TASKS
 from hopdiff.editing.root_path import root_path
+from hopdiff.graph.body import Inside
 from hopdiff.graph.scene import Scene
 from hopdiff.io.bvh import read_bvh, write_bvh
 from hopdiff.tasks.navigate import ground_of
+from hopdiff.tasks.navigate_join import inside_said
 from hopdiff.terrain.ground import Ground
 from tests.editing.walks import stride
 from tests.io.bvh_files import simple_positions
@@ -67,6 +69,7 @@ def test_a_walk_leads_through_the_rooms(
     assert math.remainder(float(path.yaw[-1]) - math.radians(heading), math.tau) == pytest.approx(0.0, abs=2e-3)
     numbers = json.loads((folder / "metrics.json").read_text())
     assert numbers["clearance"] >= 0.25
+    assert 0.0 <= numbers["body_depth"] <= 0.01
     assert numbers["gap"] <= 0.5
     assert numbers["gap_deg"] <= 45.0
     step = path.place.diff(dim=0).norm(dim=-1)
@@ -129,6 +132,12 @@ def test_a_chosen_ground_goes_before_that_of_the_scene() -> None:
     assert float(typed.height(high)) == pytest.approx(4.0 * math.tan(math.radians(9.0)))
     assert ground_at(scene, "ground=flat").flat
     assert ground_at(Scene("level", {})).flat
+
+
+def test_a_walk_is_told_to_be_in_a_wall_but_not_its_neighbours() -> None:
+    assert inside_said(Inside(0.01, 7, "LeftHand", "a wall")) == []
+    said = inside_said(Inside(0.034, 7, "LeftHand", "furniture 'bed'"))
+    assert said == ["LeftHand is 3.4 cm inside furniture 'bed' in frame 7."]
 
 
 def ground_at(scene: Scene, *words: str) -> Ground:
