@@ -14,6 +14,7 @@ import torch
 from experiments.bvh_reading import body
 from experiments.edits.asks import KINDS, Way
 from experiments.edits.study import Result, asked, tried
+from experiments.gallery import commits
 from experiments.report import markdown, words
 from hopdiff.feet.planting import FEET_BY
 from hopdiff.io.files import write_whole
@@ -78,6 +79,7 @@ def page(judged: dict[str, list[Judged]], clips: Sequence[str]) -> str:
         (one.result.clip, one.result.kind) for group in judged.values() for one in group if not one.result.passed
     }
     rows = [(by, *summary(group)) for by, group in judged.items()]
+    made = commits(one.result.folder for group in judged.values() for one in group)
     return "\n".join(
         (
             "# Contacts one by one, or all together",
@@ -86,7 +88,7 @@ def page(judged: dict[str, list[Judged]], clips: Sequence[str]) -> str:
             " contacts and root over the whole clip by least squares, as the paper has it (algorithm 1, line 20)."
             " Judged from the files by [the study of edits](../edits/README.md), on level ground.",
             "",
-            f"Clips: {', '.join(clips)}.",
+            f"Clips: {', '.join(clips)}. Made at {made}.",
             "",
             markdown(HEADING, rows),
             "Slide, drift, root drop: mean of what is more than in the source. Speed, jerk: mean, and the largest in"
