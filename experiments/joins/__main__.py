@@ -30,6 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--each", type=int, default=6, help="joins of every clip as the walk")
     parser.add_argument("--runs", type=Path, default=Path("outputs/joins"), help="folder for cut clips and runs")
     parser.add_argument("--out", type=Path, default=HERE, help="folder for results.md")
+    # Before any join is made: that takes the command line.
+    came = origin("joins", sys.argv[1:] if arguments is None else arguments)
     given = parser.parse_args(arguments)
     torch.set_num_threads(1)
     files = sorted(given.clips.glob("*.bvh"))
@@ -42,7 +44,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         counted.update(verdict.failed if verdict else ["refused"])
         rows.append(_row(case, verdict, words))
         print(number, *rows[-1], flush=True)
-    came = origin("joins", sys.argv[1:] if arguments is None else arguments)
     text = f"{came}\n\n{', '.join(f'{name} {count}' for name, count in counted.items())}\n\n{markdown(HEADING, rows)}"
     if not given.clip:
         write_whole(given.out / "results.md", text)
