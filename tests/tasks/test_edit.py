@@ -269,7 +269,7 @@ def test_a_thing_without_feet_is_moved_and_says_so(
         (("clip=WALK", "edit.side=nan"), "edit.side must be a number above 0, not nan."),
         (("clip=WALK", "edit.repeat=0"), "edit.repeat must be from 1 to 1000, not 0."),
         (("clip=WALK", "edit.rise=0.1"), "edit.rise=0.1 goes with edit.variant=paper and must be from -1 to 1 m."),
-        (("clip=WALK", "edit.feet_by=slow"), "edit.feet_by must be one of fast, optimised, not 'slow'."),
+        (("clip=WALK", "edit.feet_by=slow"), "Unknown edit.feet_by 'slow': choose one of fast, optimised."),
         (("clip=WALK", "edit.frames=[3]"), "edit.frames must be the first and the last frame, not [3]."),
         (("clip=WALK", "edit.frames=[5,6]"), "edit.frames=[5, 6] must be 3 frames at least of the clip's"),
         (("clip=WALK", "edit.frames=[0,99999]"), "edit.frames=[0, 99999] must be 3 frames at least of the clip's"),
