@@ -194,7 +194,7 @@ def _line(name: str, rows: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
 
 def _busy(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[tuple[str, str, str]]:
     """Of every scene, ways that were made again on a busy machine, and how many came out as before."""
-    own = {(row["scene"], row["pair"]): row["digest"] for row in rows}
+    own = {(row["scene"], row["pair"]): row.get("digest", "") for row in rows}
     lines = []
     for name in names:
         again = {pair: digest for (scene, pair), digest in own.items() if scene == name and "busy" in pair}

@@ -124,5 +124,8 @@ def test_the_study_goes_on_where_it_stopped_and_judges(
     lost = {**row, "found": 0, "said": "no way"}
     assert "| 98 of 100 found | 1 of 2 | **no** |" in study.report([row, lost], "wander")
     assert "- rooms, pair 0: no way" in study.report([lost, row], "wander")
+    # As it is before it was written and read again.
+    unread = {"scene": "rooms", "pair": "1", "found": 0, "shortest": 7.0, "seconds": 1.0, "said": "no way"}
+    assert "- rooms, pair 1: no way" in study.report([row, unread], "wander")
     other = {**row, "pair": "0 busy", "digest": "other"}
     assert "| rooms | 1 | 0 |" in study.report([row, other], "wander")
