@@ -5,20 +5,23 @@ import math
 from pathlib import Path
 
 import pytest
+import shapely
 import torch
 
 from hopdiff.cli import main
 from hopdiff.composing import compose
 from hopdiff.config import checked
-from hopdiff.doors import TASKS
+from hopdiff.doors import TASKS, config_folder
 from hopdiff.editing.root_path import root_path
 from hopdiff.graph.body import Inside
 from hopdiff.graph.scene import Scene
+from hopdiff.graph.scene_file import read_scene
 from hopdiff.io.bvh import read_bvh, write_bvh
-from hopdiff.tasks.navigate import ground_of
+from hopdiff.tasks.navigate import ground_of, scene_file
 from hopdiff.tasks.navigate_join import inside_said
 from hopdiff.terrain.ground import Ground
 from tests.editing.walks import stride
+from tests.graph.walkers import moved
 from tests.io.bvh_files import simple_positions
 from tests.people import file_of
 from tests.tasks.writings import below
@@ -134,7 +137,34 @@ def test_a_chosen_ground_goes_before_that_of_the_scene() -> None:
     assert ground_at(Scene("level", {})).flat
 
 
-def test_a_walk_is_told_to_be_in_a_wall_but_not_its_neighbours() -> None:
+def test_only_the_walk_between_two_clips_is_kept_out_of_walls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clip before comes in right through the wall."""
+    own = file_of("wander", tmp_path)
+    walk = read_bvh(own)
+    first = walk.clip().part(slice(0, 61))
+    path = root_path(first)
+    turn = math.radians(90.0) - float(path.yaw[-1])
+    turned = moved(first, 0.0, 0.0, turn)
+    x, z = root_path(turned).place[-1].tolist()
+    first = moved(turned, 0.5 - x, 2.5 - z, 0.0)
+    assert float(first.root_position[:, 0].min()) < -0.3
+    walk.with_motion(first).write(tmp_path / "first.bvh")
+    folder = tmp_path / "run"
+    words = (f"clips=[{own}]", f"before={tmp_path / 'first.bvh'}", "pictures=false")
+    assert command(monkeypatch, folder, *words) == 0
+    clip = read_bvh(folder / "walk.bvh").clip()
+    everything = torch.cat([clip.joint_positions(), *(end[:, None] for end in clip.end_positions().values())], dim=1)
+    outside = shapely.distance(
+        read_scene(scene_file("two_rooms", config_folder() / "scenes")).free(),
+        shapely.points(everything[..., [0, 2]].numpy()),
+    )
+    assert outside[:61].max() > 0.3
+    depth = json.loads((folder / "metrics.json").read_text())["body_depth"]
+    assert depth == pytest.approx(outside[61:].max(), abs=1e-5)
+    assert depth < 0.3
+
+
+def test_a_walk_is_told_to_be_in_a_wall() -> None:
     assert inside_said(Inside(0.01, 7, "LeftHand", "a wall")) == []
     said = inside_said(Inside(0.034, 7, "LeftHand", "furniture 'bed'"))
     assert said == ["LeftHand is 3.4 cm inside furniture 'bed' in frame 7."]
