@@ -152,13 +152,13 @@ def _step_over(fade: _Fade, own: LegTrack, was: LegTrack, now: LegTrack, rotatio
         sunk = torch.maximum(sunk, torch.minimum(was.ball[-1, 1], own.ball[:, 1].min()) - ball)
     x, y, z = ankle.unbind(-1)
     ankle = torch.stack((x, y + sunk.clamp_min(0.0), z), dim=-1)
-    # A leg is drawn in rather than stretched out: nearly straight, its knee would jump.
+    # A leg is drawn in rather than stretched out, and no straighter than its angles have it: its knee would jump.
     gap = ankle - now.hip
     distance = gap.norm(dim=-1)
-    span = torch.maximum(own.span, torch.lerp(own.span, was.span[-1].expand_as(own.span), fade.of_place))
-    low = span.clamp_min(SOFT) * now.length
+    low = torch.maximum(own.span, now.span).clamp_min(SOFT) * now.length
     more, room = (distance - low).clamp_min(0.0), (REACH * now.length - low).clamp_min(1e-4)
     drawn = torch.minimum(distance, low) + room * (1.0 - torch.exp(-more / room))
+    drawn = torch.minimum(drawn, now.span.clamp_min(SOFT) * now.length)
     ankle = now.hip + gap * (drawn / distance.clamp_min(1e-9))[:, None]
     still = torch.eye(3, dtype=torch.float64).expand(len(ankle), 3, 3)
     some = rotations.clone()

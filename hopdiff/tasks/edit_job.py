@@ -157,7 +157,7 @@ def edit(
     seams: dict[str, float | list[int]] = {}
     if neighbours is not None:
         if solved.rise is not None:
-            raise HopdiffError("clips before and after are joined on level ground only: give positions as [x, z].")
+            raise HopdiffError("clips before and after are joined on level ground only: leave out edit.rise.")
         whole = between(clip, moved, neighbours, source.legs, source.contacts)
         planted = whole.planted(by=settings.feet_by) if settings.feet else None
         moved, cleaned = whole.clip, whole.clip if planted is None else planted.clip
