@@ -40,7 +40,11 @@ class Contacts:
 
     def heights(self) -> Tensor:
         """(T, P) height of each point while it stands on the ground that is there [m]."""
-        return self.floor + self.level[:, [leg for leg, _ in self.points]]
+        return self.floor + self.at_points(self.level)
+
+    def at_points(self, values: Tensor) -> Tensor:
+        """(T, P) values of each point's leg, from (T, L)."""
+        return values[:, [leg for leg, _ in self.points]]
 
     def plants(self, leg: int) -> list[tuple[int, int]]:
         """First and last frame of every time in which any point of a leg stands."""
@@ -50,6 +54,10 @@ class Contacts:
         """(T,) whether any point of a leg stands."""
         own = [k for k, (which, _) in enumerate(self.points) if which == leg]
         return self.touching[:, own].any(dim=-1)
+
+    def standing(self) -> Tensor:
+        """(T, L) whether any point of each leg stands."""
+        return torch.stack([self.stands(leg) for leg in range(len(self.legs))], dim=-1)
 
 
 def find_contacts(clip: Clip, legs: tuple[Leg, ...]) -> Contacts:
@@ -89,7 +97,7 @@ def known_contacts(clip: Clip, legs: tuple[Leg, ...], stands: Tensor) -> Contact
     A foot that stands has one such point at least: the lowest one.
     """
     found = find_contacts(clip, legs)
-    touching = found.touching & stands[:, [leg for leg, _ in found.points]]
+    touching = found.touching & found.at_points(stands)
     above = contact_points(clip, found)[..., 1] - found.floor
     for k in range(len(legs)):
         own = [i for i, (leg, _) in enumerate(found.points) if leg == k]

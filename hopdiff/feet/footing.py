@@ -12,8 +12,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from hopdiff.feet.prints import FootPrint, GroundMove
-from hopdiff.feet.track import LegTrack, smooth_step
-from hopdiff.feet.way import apart, smoothed, turned, widest
+from hopdiff.feet.track import LegTrack, smooth_step, turned
+from hopdiff.feet.way import apart, smoothed, widest
 from hopdiff.geometry.rotation import from_vector
 from hopdiff.terrain.ground import Ground
 

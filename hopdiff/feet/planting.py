@@ -24,8 +24,8 @@ from hopdiff.feet.footing import Footing, body_rise
 from hopdiff.feet.optimised import Sliding, Stand, optimised_ways
 from hopdiff.feet.prints import STEP_TIME, FootPrint, GroundMove, foot_prints, shortened, spread, steps_in, weights
 from hopdiff.feet.reach import EASY, lacking, longest
-from hopdiff.feet.track import LegTrack, leg_tracks, smooth_step
-from hopdiff.feet.way import HEEL_RAMP, FootWay, apart, lowering, sunk, turned
+from hopdiff.feet.track import LegTrack, leg_tracks, smooth_step, turned
+from hopdiff.feet.way import HEEL_RAMP, FootWay, apart, lowering, sunk
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.terrain.ground import Ground
@@ -48,6 +48,10 @@ class Planted:
     touching: Tensor
     given_up: Tensor
     lowered: Tensor
+
+    def kept(self, contacts: Contacts) -> Tensor:
+        """(T, P) bool, which of the source's points of contact stand here too."""
+        return contacts.touching & contacts.at_points(self.touching)
 
 
 def clean_feet(
@@ -74,7 +78,7 @@ def clean_feet(
         ground = None
     head, tail = kept or (0, source.frames - 1)
     tracks = leg_tracks(source, contacts.legs)
-    stands = torch.stack([contacts.stands(k) for k in range(len(tracks))], dim=-1)
+    stands = contacts.standing()
     feet = []
     for k, track in enumerate(tracks):
         # A step that one foot makes is known to the next.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -11,7 +11,7 @@ from torch.nn import functional
 
 from hopdiff.feet.contacts import Contacts, contact_points, slide_numbers
 from hopdiff.feet.planting import Planted
-from hopdiff.feet.track import LegTrack, leg_tracks
+from hopdiff.feet.track import LegTrack, leg_tracks, turned
 from hopdiff.geometry.clip import Clip
 from hopdiff.terrain.ground import Ground
 
@@ -53,11 +53,11 @@ def quality_of(source: Clip, planted: Planted, contacts: Contacts, ground: Groun
     (speed, jolt), (old_speed, old_jolt) = _rates(clip), _rates(source)
     ends, old_ends = _ends(clip), _ends(source)
     over, old_over = _over_ground(clip, contacts, ground)
-    stands = contacts.touching & planted.touching[:, [leg for leg, _ in contacts.points]]
+    stands = planted.kept(contacts)
     off = torch.where(stands, over - (contact_points(source, contacts)[..., 1] - old_over), torch.zeros_like(over))
     drop = planted.lowered
     tracks = zip(leg_tracks(clip, contacts.legs), leg_tracks(source, contacts.legs), strict=True)
-    beyond = [(new, _straight(new, was) - _straight(was, was)) for new, was in tracks]
+    beyond = [_straight(new, was) - _straight(was, was) for new, was in tracks]
     stood = planted.touching | planted.given_up
     rest = torch.ones(len(clip.skeleton.names), dtype=torch.bool)
     if ground is not None:
@@ -70,7 +70,7 @@ def quality_of(source: Clip, planted: Planted, contacts: Contacts, ground: Groun
         "foot_sink": float((-off).max().clamp_min(0.0)) if off.numel() else 0.0,
         "joint_speed_ratio": _ratio(speed, old_speed),
         "joint_acceleration_ratio": _ratio(jolt, old_jolt),
-        "hyperextension_deg": max((math.degrees(float(more.max())) for _, more in beyond), default=0.0),
+        "hyperextension_deg": max((math.degrees(float(more)) for more in beyond), default=0.0),
         "given_up": float(planted.given_up.sum()) / max(1, int(stood.sum())),
     }
     where = {
@@ -89,9 +89,7 @@ def quality_of(source: Clip, planted: Planted, contacts: Contacts, ground: Groun
 
 def standing_numbers(planted: Planted, contacts: Contacts) -> dict[str, float]:
     """`slide_numbers` of a planted clip, in the contacts that it keeps."""
-    kept = contacts.touching & planted.touching[:, [leg for leg, _ in contacts.points]]
-    found = Contacts(contacts.legs, contacts.points, contacts.names, kept, contacts.floor, contacts.level)
-    return slide_numbers(planted.clip, found)
+    return slide_numbers(planted.clip, replace(contacts, touching=planted.kept(contacts)))
 
 
 def _sentence(name: str, value: float, frame: int, joint: str) -> str:
@@ -116,7 +114,7 @@ def _sentence(name: str, value: float, frame: int, joint: str) -> str:
 def _over_ground(clip: Clip, contacts: Contacts, ground: Ground | None) -> tuple[Tensor, Tensor]:
     """(T, P) heights of points of the feet over the ground, and (T, P) of the ground under them in the source [m]."""
     points = contact_points(clip, contacts)
-    level = contacts.level[:, [leg for leg, _ in contacts.points]]
+    level = contacts.at_points(contacts.level)
     if ground is None:
         return points[..., 1] - level, level
     return points[..., 1] - ground.height(points[..., [0, 2]]), level
@@ -167,10 +165,10 @@ def _ratio(new: _Largest, old: _Largest) -> float:
 
 
 def _straight(track: LegTrack, source: LegTrack) -> Tensor:
-    """(T,) by how much a knee is bent back beyond straight, about the axis that the source's is bent about [rad]."""
+    """By how much a knee is bent back beyond straight at most, about the axis that the source's is bent about [rad]."""
     thigh, shank = track.knee - track.hip, track.ankle - track.knee
     normal = torch.linalg.cross(source.knee - source.hip, source.ankle - source.knee)
-    usual = functional.normalize((source.upper.transpose(-1, -2) @ normal.unsqueeze(-1)).squeeze(-1).sum(dim=0), dim=0)
+    usual = functional.normalize(turned(source.upper.transpose(-1, -2), normal).sum(dim=0), dim=0)
     axis = track.upper @ usual
     sine = (torch.linalg.cross(thigh, shank) * axis).sum(-1)
     return (-torch.atan2(sine, (thigh * shank).sum(-1))).amax().clamp_min(0.0)

@@ -28,8 +28,13 @@ def softened(track: LegTrack, distance: Tensor, soft: Tensor | float = SOFT) -> 
     length = track.length
     low = torch.maximum(track.span, torch.as_tensor(soft, dtype=length.dtype)) * length
     high = torch.maximum(longest(track), low + 1e-4 * length)
+    return eased(distance, low, high - low)
+
+
+def eased(distance: Tensor, low: Tensor, room: Tensor) -> Tensor:
+    """(T,) distances [m] as they are up to low, then less and less, never by room or more beyond it."""
     more = (distance - low).clamp_min(0.0)
-    found: Tensor = torch.minimum(distance, low) + (high - low) * (1.0 - torch.exp(-more / (high - low)))
+    found: Tensor = torch.minimum(distance, low) + room * (1.0 - torch.exp(-more / room))
     return found
 
 

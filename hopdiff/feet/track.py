@@ -53,8 +53,8 @@ class LegTrack:
         ahead = (self.ball - self.ankle) * self.ball.new_tensor((1.0, 0.0, 1.0))
         level = torch.linalg.cross(ahead.new_tensor((0.0, 1.0, 0.0)).expand_as(ahead), ahead)
         # A foot that points down says nothing of its sides.
-        local = (self.foot.transpose(-1, -2) @ level.unsqueeze(-1)).squeeze(-1) * ahead.norm(dim=-1, keepdim=True)
-        return _turned(self.foot, functional.normalize(local.sum(dim=0), dim=0))
+        local = turned(self.foot.transpose(-1, -2), level) * ahead.norm(dim=-1, keepdim=True)
+        return turned(self.foot, functional.normalize(local.sum(dim=0), dim=0))
 
     @cached_property
     def length(self) -> Tensor:
@@ -83,12 +83,12 @@ def leg_tracks(clip: Clip, legs: Sequence[Leg]) -> list[LegTrack]:
             else:
                 place, frame = at(skeleton.parents[joint])
                 offset = skeleton.offsets[joint] if clip.offsets is None else clip.offsets[:, joint]
-                known[joint] = place + _turned(frame, offset.double()), frame @ turn
+                known[joint] = place + turned(frame, offset.double()), frame @ turn
         return known[joint]
 
     def end(joint: int) -> Tensor | None:
         site = skeleton.end_sites.get(skeleton.names[joint])
-        return None if site is None else at(joint)[0] + _turned(at(joint)[1], site.double())
+        return None if site is None else at(joint)[0] + turned(at(joint)[1], site.double())
 
     def between(joint: int | None, ancestor: int | None) -> Tensor:
         found = torch.eye(3, dtype=torch.float64)
@@ -137,7 +137,7 @@ def bent(
     rest = out - rise[:, None] * way
     # The same in the new place: along the line by the law of cosines, the rest of the side out of it.
     new_across = functional.normalize(new_line, dim=-1)
-    whole = _least(_turned(turn, across), new_across) @ turn
+    whole = _least(turned(turn, across), new_across) @ turn
     old, new = line.norm(dim=-1), new_line.norm(dim=-1)
     # A straight leg begins to bend without a jerk, for which its ankle may be off a little.
     lag = GIVE * smooth_step((track.span - STRAIGHT) / (1.0 - STRAIGHT)).clamp_min(1e-6)
@@ -152,8 +152,8 @@ def bent(
     # A knee that is bent back a little comes forward as the leg gets shorter.
     forward = smooth_step(0.5 * (bulge / rise.abs().clamp_min(1e-9) - 1.0))
     bulge = torch.where(rise < 0.0, (2.0 * forward - 1.0) * bulge, bulge)
-    new_way = _turned(whole, way)
-    knee = along[:, None] * new_across + bulge[:, None] * new_way + _turned(whole, rest)
+    new_way = turned(whole, way)
+    knee = along[:, None] * new_across + bulge[:, None] * new_way + turned(whole, rest)
     reach = new[:, None] * new_across
     # Both bones turned so that they lie along their new lines, with the hinge of the knee in its new direction.
     hinge, new_hinge = torch.linalg.cross(across, way), torch.linalg.cross(new_across, new_way)
@@ -175,10 +175,10 @@ def _way_of_knee(track: LegTrack, across: Tensor, out: Tensor, side: Tensor) -> 
     the thigh, as what remains of the bend is noise then.
     """
     normal = torch.linalg.cross(out, across)
-    usual = functional.normalize((track.upper.transpose(-1, -2) @ normal.unsqueeze(-1)).squeeze(-1).sum(dim=0), dim=0)
+    usual = functional.normalize(turned(track.upper.transpose(-1, -2), normal).sum(dim=0), dim=0)
     if float(usual.norm()) < 0.5:
         usual = usual.new_tensor((-1.0, 0.0, 0.0))
-    usual_way = torch.linalg.cross(across, _turned(track.upper, usual))
+    usual_way = torch.linalg.cross(across, turned(track.upper, usual))
     usual_way = functional.normalize(usual_way, dim=-1)
     size = out.norm(dim=-1)
     own = out / size.clamp_min(1e-12)[:, None]
@@ -194,7 +194,7 @@ def smooth_step(x: Tensor) -> Tensor:
     return x**2 * (3.0 - 2.0 * x)
 
 
-def _turned(frame: Tensor, vector: Tensor) -> Tensor:
+def turned(frame: Tensor, vector: Tensor) -> Tensor:
     """Vectors (T, 3) or (3,) turned by frames (T, 3, 3)."""
     return (frame @ vector.unsqueeze(-1)).squeeze(-1)
 

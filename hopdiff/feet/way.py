@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from hopdiff.feet.reach import EASY, EDGE, SOFT, STRETCHED, heel_up, lacking, longest, most_heel, softened, turned_up
-from hopdiff.feet.track import LegTrack, bent, smooth_step
+from hopdiff.feet.track import LegTrack, bent, smooth_step, turned
 from hopdiff.geometry.rotation import rotation_about
 
 SETTLING = 0.3  # s in which the root is lowered and raised again
@@ -114,11 +114,6 @@ def sunk(places: Tensor, down: Tensor) -> Tensor:
     """Places (T, 3) moved down by (T,) [m]."""
     x, y, z = places.unbind(-1)
     return torch.stack((x, y - down, z), dim=-1)
-
-
-def turned(frame: Tensor, vector: Tensor) -> Tensor:
-    """Vectors (T, 3) turned by frames (T, 3, 3)."""
-    return (frame @ vector.unsqueeze(-1)).squeeze(-1)
 
 
 def widest(values: Tensor, wide: int) -> Tensor:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import Leg
-from hopdiff.feet.reach import REACH, SOFT
+from hopdiff.feet.reach import REACH, SOFT, eased
 from hopdiff.feet.track import LegTrack, bent, leg_tracks
 from hopdiff.geometry.clip import Clip
 
@@ -156,8 +156,7 @@ def _step_over(fade: _Fade, own: LegTrack, was: LegTrack, now: LegTrack, rotatio
     gap = ankle - now.hip
     distance = gap.norm(dim=-1)
     low = torch.maximum(own.span, now.span).clamp_min(SOFT) * now.length
-    more, room = (distance - low).clamp_min(0.0), (REACH * now.length - low).clamp_min(1e-4)
-    drawn = torch.minimum(distance, low) + room * (1.0 - torch.exp(-more / room))
+    drawn = eased(distance, low, (REACH * now.length - low).clamp_min(1e-4))
     drawn = torch.minimum(drawn, now.span.clamp_min(SOFT) * now.length)
     ankle = now.hip + gap * (drawn / distance.clamp_min(1e-9))[:, None]
     still = torch.eye(3, dtype=torch.float64).expand(len(ankle), 3, 3)

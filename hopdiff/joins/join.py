@@ -69,9 +69,9 @@ def joined(
     """
     edit = GroundMove.between(root_path(source), root_path(walk))
     mixed, frames = walk, torch.zeros(walk.frames, dtype=torch.bool)
-    stands = None if contacts is None else _stands(contacts)
+    stands = None if contacts is None else contacts.standing()
     others = [None if contacts is None or one is None else find_contacts(one, contacts.legs) for one in (before, after)]
-    stood = [None if one is None else _stands(one) for one in others]
+    stood = [None if one is None else one.standing() for one in others]
     if before is not None:
         seconds = blend_time(walk, before, 0)
         mixed = blended(mixed, before, seconds, legs, stands, None if stood[0] is None else stood[0][-1])
@@ -105,11 +105,6 @@ def _together(clips: Sequence[Clip]) -> Clip:
     return replace(
         clips[0], root_position=root, rotations=torch.cat([one.rotations.double() for one in clips]), offsets=offsets
     )
-
-
-def _stands(contacts: Contacts) -> Tensor:
-    """(T, L) when feet stand."""
-    return torch.stack([contacts.stands(k) for k in range(len(contacts.legs))], dim=-1)
 
 
 def _contacts(

@@ -23,7 +23,9 @@ from hopdiff.feet.quality import quality_of, standing_numbers
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh import BvhFile
 from hopdiff.joins.files import Neighbours
-from hopdiff.tasks.edit_join import begun, between, seams_said
+from hopdiff.joins.join import joined
+from hopdiff.joins.measure import seam_numbers
+from hopdiff.tasks.edit_join import begun
 from hopdiff.tasks.edit_request import EditSettings, Request
 from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
@@ -158,10 +160,10 @@ def edit(
     if neighbours is not None:
         if solved.rise is not None:
             raise HopdiffError("clips before and after are joined on level ground only: leave out edit.rise.")
-        whole = between(clip, moved, neighbours, source.legs, source.contacts)
+        whole = joined(clip, moved, *neighbours.two, source.legs, source.contacts)
         planted = whole.planted(by=settings.feet_by) if settings.feet else None
         moved, cleaned = whole.clip, whole.clip if planted is None else planted.clip
-        seams, said = seams_said(cleaned, whole, clip, neighbours)
+        seams, said = seam_numbers(cleaned, whole, [clip, *neighbours.clips], *neighbours.two)
         warnings += [*neighbours.notes, *said]
         milliseconds["feet"] = 1e3 * (time.perf_counter() - start)
         constraints = [replace(one, frame=one.frame + whole.head) for one in constraints]

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hopdiff.editing.leg_joints import Leg
 from hopdiff.editing.root_path import RootPath
 from hopdiff.editing.targets import Constraint
 from hopdiff.feet.contacts import Contacts
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.bvh_file import BvhFile
 from hopdiff.joins.files import Neighbours, read_neighbour
-from hopdiff.joins.join import Joined, joined
-from hopdiff.joins.measure import seam_numbers
 from hopdiff.joins.seams import Seam, placed, seams
 from hopdiff.tasks.edit_request import Request
 
@@ -73,18 +70,6 @@ def _end(path: RootPath, seam: Seam, first: int) -> Constraint:
     there = seam.move.path(path)
     x, z = there.place[seam.frame].tolist()
     return Constraint(seam.frame - first, (x, z), float(there.yaw[seam.frame]))
-
-
-def between(source: Clip, walk: Clip, neighbours: Neighbours, legs: Sequence[Leg], contacts: Contacts | None) -> Joined:
-    """See `joined`."""
-    return joined(source, walk, *neighbours.two, legs, contacts)
-
-
-def seams_said(
-    made: Clip, whole: Joined, walk: Clip, neighbours: Neighbours
-) -> tuple[dict[str, float | list[int]], list[str]]:
-    """See `seam_numbers`."""
-    return seam_numbers(made, whole, [walk, *neighbours.clips], *neighbours.two)
 
 
 def seam_rows(m: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -19,8 +19,9 @@ from hopdiff.graph.scene import Place
 from hopdiff.graph.settings import WaySettings
 from hopdiff.graph.way import Way
 from hopdiff.joins.files import Neighbours
+from hopdiff.joins.join import joined
+from hopdiff.joins.measure import seam_numbers
 from hopdiff.joins.seams import moments
-from hopdiff.tasks.edit_join import between, seams_said
 from hopdiff.terrain.ground import Ground
 from hopdiff.types import HopdiffError
 
@@ -67,10 +68,10 @@ def asked(
 def joined_way(way: Way, neighbours: Neighbours, source: Clip) -> tuple[Way, dict[str, float | list[int]], list[str]]:
     """A way with the clips before and after it in its clip, numbers of the seams, and sentences for the user."""
     legs = find_legs(way.graph_clip.skeleton)
-    whole = between(way.graph_clip, way.edited_clip, neighbours, legs, way.contacts)
+    whole = joined(way.graph_clip, way.edited_clip, *neighbours.two, legs, way.contacts)
     planted = whole.planted(everywhere=True)
     clip = whole.clip if planted is None else planted.clip
-    numbers, said = seams_said(clip, whole, source, neighbours)
+    numbers, said = seam_numbers(clip, whole, [source, *neighbours.clips], *neighbours.two)
     path, before = root_path(clip), root_path(whole.source)
     made = replace(
         way,

@@ -13,6 +13,7 @@ from hopdiff.editing.leg_joints import Leg, find_legs
 from hopdiff.effort.metrics import standing_feet
 from hopdiff.feet.contacts import Contacts, contact_points, known_contacts, slide_numbers
 from hopdiff.feet.planting import clean_feet
+from hopdiff.feet.track import turned
 from hopdiff.geometry.clip import Clip
 from hopdiff.io.run_folder import Note
 from hopdiff.motion import SIDES, Motion
@@ -60,7 +61,7 @@ def on_ground(motion: Motion, ground: Ground) -> Raised:
         cop=cop,
     )
     off = ground.above(contact_points(planted.clip, contacts)) - contacts.heights()
-    standing = contacts.touching & planted.touching[:, [leg for leg, _ in contacts.points]]
+    standing = planted.kept(contacts)
     held = off[standing]
     if cop is None:
         slide = slide_numbers(planted.clip, replace(contacts, touching=standing))["drift"]
@@ -112,5 +113,5 @@ def _with_feet(points: Tensor, before: Clip, after: Clip, legs: tuple[Leg, ...])
         joint = leg.knee if leg.ankle is None else leg.ankle
         turn = new[1][:, joint] @ old[1][:, joint].transpose(-1, -2)
         own = points[:, SIDES.index(leg.side)]
-        moved.append(new[0][:, joint] + (turn @ (own - old[0][:, joint]).unsqueeze(-1)).squeeze(-1))
+        moved.append(new[0][:, joint] + turned(turn, own - old[0][:, joint]))
     return torch.stack(moved, dim=1).to(points)
