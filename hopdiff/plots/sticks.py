@@ -104,7 +104,7 @@ def sticks_figure(
         axes.plot(*drawn.T, color=colour, linewidth=1.4, zorder=2.0 if faded else 2.1)
         if faded and winding:
             continue
-        if not faded:
+        if seams and not faded:
             axes.plot(*drawn[list(seams)].T, "D", color=_SEAM, markersize=8.0, markeredgecolor="#FFFFFF", zorder=5.0)
         draw_shadows(axes, camera, points, "#EBEDF1" if faded else "#DDE0E7", 1.4 if faded else 1.5, below)
         bones = Bones(some.skeleton, sides)
