@@ -13,6 +13,7 @@ from torch import Tensor
 from hopdiff.editing.root_path import RootPath
 
 CENTRE = 0.4  # s; a walker's sway and surge are gone from a path averaged over this (standard deviation)
+SURE = 2.0  # power of the speed with which a direction counts
 TAIL = 4.0  # standard deviations
 
 
@@ -28,7 +29,8 @@ def turn_onto(middle: Tensor, heading: Tensor, frame_time: float) -> Tensor:
     An about-turn on the spot, in which the way says nothing of where a body faces, is gone over slowly.
     """
     way = going(middle)
-    return calm_angle(way.conj() * torch.polar(way.abs(), heading), frame_time)
+    # Where a body hardly goes its sway says little of a way.
+    return calm_angle(way.conj() * torch.polar(way.abs() ** SURE, heading), frame_time)
 
 
 def going(middle: Tensor) -> Tensor:

@@ -20,6 +20,8 @@ FEWEST_FRAMES = 3
 MOST_PACE = 2.5  # times the speed of the clip that is asked for at most
 WALKED, RUN = 2.0, 12.0  # m/s that anybody can walk, and that nobody exceeds
 SLACK = 0.3  # m that a body may be moved without a step
+SPIN, BLINK = 8.0, 0.1  # rad/s that anybody turns by in s
+DEARER = (5.0, 25.0, 125.0)  # times the weight of turns with which an edit is tried again that asks for more
 AGREE = 1e-6  # m and rad within which two constraints on one frame say the same
 
 
@@ -74,11 +76,21 @@ def edit_path(
     # Steps are weighed along and across the way, whichever way the body faces.
     course = course_of(path, frame_time)
     targets = replace(targets, yaw=targets.yaw + course[targets.frames], start_yaw=targets.start_yaw + course[:1])
-    solver = PathSolver(RootPath(path.place, path.yaw + course), frame_time, settings or SolveSettings())
+    settings = settings or SolveSettings()
+    solver = PathSolver(RootPath(path.place, path.yaw + course), frame_time, settings)
     ready = time.perf_counter()
     with torch.no_grad():
         near = None if guess is None else steps_of(RootPath(guess.place, guess.yaw + course)).unsqueeze(0)
         found = solver.solve(targets, near)
+        most = max(SPIN, spin(solver.source.yaw, frame_time))
+        for dearer in DEARER:
+            whirl = spin(found.path.yaw[0], frame_time)
+            if whirl <= most or near is not None:
+                break
+            # A body that has next to no way left to go would rather whirl than slow down.
+            other = PathSolver(solver.source, frame_time, replace(settings, turn=dearer * settings.turn)).solve(targets)
+            if bool(other.converged[0]) and spin(other.path.yaw[0], frame_time) < whirl:
+                found = other
     done = time.perf_counter()
     return EditedPath(
         RootPath(found.path.place[0], found.path.yaw[0] - course),
@@ -88,6 +100,12 @@ def edit_path(
         bool(found.converged[0]),
         {"set_up": 1e3 * (ready - begun), "solve": 1e3 * (done - ready)},
     )
+
+
+def spin(yaw: Tensor, frame_time: float) -> float:
+    """How fast a body turns at most, over BLINK, its yaws being (T,) [rad] [rad/s]."""
+    apart = max(1, min(len(yaw) - 1, round(BLINK / frame_time)))
+    return float((yaw[apart:] - yaw[:-apart]).abs().max()) / (apart * frame_time)
 
 
 def check_reach(path: RootPath, constraints: Sequence[Constraint], frame_time: float) -> None:

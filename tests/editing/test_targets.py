@@ -11,7 +11,7 @@ import torch
 from hopdiff.editing.measure import path_measures
 from hopdiff.editing.root_path import RootPath, path_of, steps_of
 from hopdiff.editing.solve import PathSolver, SolveSettings, Targets
-from hopdiff.editing.targets import Constraint, EditedPath, edit_path, targets_of
+from hopdiff.editing.targets import SPIN, Constraint, EditedPath, edit_path, spin, targets_of
 from hopdiff.types import HopdiffError
 from tests.editing.walks import path_of_clip, walk
 
@@ -309,3 +309,15 @@ def test_who_stands_is_not_shifted_while_standing() -> None:
     moved = edited.place.diff(dim=0).norm(dim=-1)
     assert float(moved[66:94].sum()) < 0.05
     assert float(moved[10:50].mean()) > 1.2 * float(stop.place.diff(dim=0).norm(dim=-1)[10:50].mean())
+
+
+def test_a_body_held_in_one_place_slows_down_rather_than_whirls() -> None:
+    path = walk()
+    place = (float(path.place[70, 0]), float(path.place[70, 1]))
+    held = [Constraint(round(share * (path.frames - 1)), place) for share in (0.8, 0.9, 1.0)]
+    fast = [spin(edit_path(path, held, FRAME, SolveSettings(turn=weight)).path.yaw, FRAME) for weight in (1e-6, 2e-3)]
+    assert max(fast) < SPIN
+    # Such a weight alone would have it whirl.
+    targets = targets_of(path, held)
+    alone = PathSolver(path, FRAME, SolveSettings(turn=1e-6)).solve(targets)
+    assert spin(alone.path.yaw[0], FRAME) > SPIN
