@@ -11,9 +11,10 @@ from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 from torch.nn import functional
 
+from hopdiff.feet.frames import apart
 from hopdiff.feet.prints import FootPrint, GroundMove
 from hopdiff.feet.track import LegTrack, smooth_step, turned
-from hopdiff.feet.way import apart, smoothed, widest
+from hopdiff.feet.way import smoothed, widest
 from hopdiff.geometry.rotation import from_vector
 from hopdiff.terrain.ground import Ground
 
@@ -22,6 +23,7 @@ FOOT = 0.14  # m from ankle to ball where the skeleton does not say
 UNEVEN = 0.08  # m by which ground of the source must differ to be taken away
 SPARE = 0.03  # m above whatever is under a foot in the air that it keeps, unless the source is lower
 REACH = 0.06  # m around the points of a foot in the air that is kept clear
+EDGE = 0.01  # m around them that must be
 SWING = 0.1  # s in which it gets over an edge
 CLEAR = 0.05  # s after a contact from which on it does
 EARLY = 1.3  # times sooner than evenly that a foot rises to a higher tread, and later that it comes down to a lower one
@@ -72,8 +74,9 @@ class Footing:
             centres.append(centre)
         own = edit(middle)[:, [0, 2]]
         # A foot that is in the air at an end of the clip is as high there as the ground below it.
-        for frame, place in ((0, 0), (last, len(self.prints))):
+        for frame in (0, last):
             if not any(one.first <= frame <= one.last for one in prints):
+                place = 0 if frame == 0 else len(ends)
                 here = ground.mean_height(own[frame], REACH) - level[frame]
                 rises.insert(place, here)
                 tilts.insert(place, torch.zeros(3, dtype=torch.float64))
@@ -84,8 +87,9 @@ class Footing:
         self.tilt = between(ends, torch.stack(tilts), len(own))
         self.centre = between(ends, torch.stack(centres), len(own))
 
-    def lifted(self, ankle: Tensor, frame: Tensor, stands: Tensor, frame_time: float) -> tuple[Tensor, Tensor]:
-        """The way of an ankle (T, 3) on level ground [m] and the turns (T, 3, 3) of its foot, on this ground."""
+    def lifted(self, ankle: Tensor, frame: Tensor, stands: Tensor, frame_time: float) -> tuple[Tensor, Tensor, Tensor]:
+        """The way of an ankle (T, 3) on level ground [m] and the turns (T, 3, 3) of its foot, on this ground; and (T,)
+        how high the ankle is at least for the foot to keep off it [m]."""
         # The axis of the tilt is up x normal; its length the sine of the slope.
         sine = self.tilt.norm(dim=-1, keepdim=True).clamp(1e-12, 1.0)
         tilt = from_vector(self.tilt / sine * torch.asin(sine))
@@ -106,14 +110,17 @@ class Footing:
         points = placed[:, None] + (frame[:, None] @ (self.points - self.track.ankle[:, None]).unsqueeze(-1)).squeeze(
             -1
         )
-        above = (self.points[..., 1] - self.floors - self.level[:, None]).clamp_max(SPARE)
-        over = self.ground.height_over(points[..., [0, 2]], REACH)
-        need = (over + above + self.floors - points[..., 1]).amax(dim=-1).clamp_min(0.0)
-        need = torch.where(stands, torch.zeros_like(need), need)
+
+        def lacks(reach: float, spare: float) -> Tensor:
+            over = self.ground.height_over(points[..., [0, 2]], reach)
+            high = (self.points[..., 1] - self.floors - self.level[:, None]).clamp_max(spare)
+            return (over + high + self.floors - points[..., 1]).amax(dim=-1).masked_fill(stands, 0.0)
+
+        need, least = lacks(REACH, SPARE).clamp_min(0.0), placed[:, 1] + lacks(EDGE, 0.0)
         wide = 2 * max(1, round(0.5 * SWING / frame_time)) + 1
         clear = smoothed(widest(need, wide), wide) * smooth_step(away / CLEAR)
         placed[:, 1] += clear
-        return placed, frame
+        return placed, frame, torch.minimum(least, placed[:, 1])
 
 
 def body_rise(feet: Sequence[Footing], frame_time: float) -> Tensor:

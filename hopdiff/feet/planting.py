@@ -21,17 +21,29 @@ from torch.nn import functional
 from hopdiff.editing.root_path import root_path
 from hopdiff.feet.contacts import Contacts, spans
 from hopdiff.feet.footing import Footing, body_rise
+from hopdiff.feet.frames import apart
 from hopdiff.feet.optimised import Sliding, Stand, optimised_ways
-from hopdiff.feet.prints import STEP_TIME, FootPrint, GroundMove, foot_prints, shortened, spread, steps_in, weights
+from hopdiff.feet.prints import (
+    STEP_TIME,
+    FootPrint,
+    GroundMove,
+    foot_prints,
+    shortened,
+    spread,
+    steps_in,
+    unhurried,
+    weights,
+)
 from hopdiff.feet.reach import EASY, lacking, longest
 from hopdiff.feet.track import LegTrack, leg_tracks, smooth_step, turned
-from hopdiff.feet.way import HEEL_RAMP, FootWay, apart, lowering, sunk
+from hopdiff.feet.way import HEEL_RAMP, FootWay, lowering, sunk
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.terrain.ground import Ground
 
 FEET_BY = ("fast", "optimised")
 LOWEST = 0.07  # m by which the root is lowered at most
+LOWEST_UNEVEN = 0.09  # m where the ground asks for it
 MISS = 0.003  # m that a foot in contact may be off its print
 SHIFTS = (0.0, 0.03, -0.03, 0.06, -0.06, 0.1, -0.1, 0.14, -0.14)  # m along the way by which prints are tried
 SHIFT_COST = 0.1  # m of lowering that a metre of a shifted print counts as
@@ -114,7 +126,10 @@ def _ways(feet: Sequence[_Foot], rise: Tensor, by: str, kept: tuple[int, int]) -
     if by == "optimised":
         return optimised_ways([foot.sliding(rise) for foot in feet], feet[0].frame_time, LOWEST, kept)
     ways = [foot.way(rise) for foot in feet]
-    return ways, lowering(ways, LOWEST, kept)
+    if feet[0].footing is None:
+        return ways, lowering(ways, LOWEST, kept)
+    # The last pose may be lower too over uneven ground: that is the root's matter alone.
+    return ways, lowering(ways, LOWEST_UNEVEN, (kept[0], 2 * len(rise)))
 
 
 class _Foot:
@@ -148,7 +163,8 @@ class _Foot:
         self.middle = points.mean(dim=1)
         others = stands[:, torch.arange(stands.shape[1]) != number].any(dim=-1)
         plants = steps_in(edit, self.middle, contacts.plants(number), others, frame_time, kept)
-        self.prints = foot_prints(edit, self.middle, plants, frame_time, kept)
+        prints = foot_prints(edit, self.middle, plants, frame_time, kept)
+        self.prints = unhurried(edit, prints, self.middle, others, frame_time, kept)
         self.stands = torch.zeros_like(self.stood)
         for one in self.prints:
             self.stands[one.frames] = True
@@ -223,9 +239,21 @@ class _Foot:
         """The way of an ankle (T, 3) over level ground [m], on the ground that is there."""
         ankle = sunk(ankle, -self._lift())
         frame, hip = axis_rotation("Y", yaw), sunk(self.hip, -rise)
+        floor = None
         if self.footing is not None:
-            ankle, frame = self.footing.lifted(ankle, frame, self.stands, self.frame_time)
-        return FootWay(self.track, hip, ankle, frame, self.stands, weight, self.flat, self.frame_time)
+            ankle, frame, floor = self.footing.lifted(ankle, frame, self.stands, self.frame_time)
+        return FootWay(
+            self.track,
+            hip,
+            ankle,
+            frame,
+            self.stands,
+            weight,
+            self.flat,
+            self.frame_time,
+            kept=self.kept,
+            floor=floor,
+        )
 
     def _lift(self) -> Tensor:
         """(T,) by how much the foot is lifted where it has left the ground, or not come to it, unlike in the source."""

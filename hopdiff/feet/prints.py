@@ -16,8 +16,12 @@ FAR = 0.4  # m that the edit may lead a foot astray in one contact
 ARM = 0.4  # m; a turn by a radian counts as so far
 STEP_TIME = 0.45  # s of a step that is made where there was none
 LEAST_STAND = 0.12  # s that a foot stands between two of them
-HOLD = 0.02  # s before and after a contact in which a foot moves as in it: where it ends is a matter of thresholds
+# s, a frame at least, before and after a contact in which a foot moves as in it: its ends are a matter of thresholds
+HOLD = 0.02
 SOON = 0.3  # s: a contact that begins in half of that, or ended in it, has no time to be elsewhere
+QUICK = 1.0  # m/s by which a foot gets from one print to the next at most
+QUICKER = 0.6  # of its own largest speed, if that is more
+SPIN = 9.0  # rad/s by which it turns on the way
 RAMP = 0.8  # s at most in which a foot goes over from its own place to the place of a contact
 
 
@@ -163,6 +167,54 @@ def foot_prints(
     return found
 
 
+def unhurried(
+    edit: GroundMove,
+    prints: Sequence[FootPrint],
+    foot: Tensor,
+    others: Tensor,
+    frame_time: float,
+    kept: tuple[int, int] | None = None,
+) -> list[FootPrint]:
+    """The prints, contacts made shorter between which a foot has no time to get from one to the next, or to where it is
+    in frames that are kept.
+
+    edit, foot, kept: as `foot_prints` takes them. others: (T,) bool, whether another foot stands, without which none
+    leaves.
+    """
+    head, tail = kept or (0, len(foot) - 1)
+    found, least = list(prints), max(2, round(LEAST_STAND / frame_time))
+    if not found or found[0].first > head:
+        found.insert(0, FootPrint(head, head, edit.at(head), True))
+    if found[-1].last < tail:
+        found.append(FootPrint(tail, tail, edit.at(tail), True))
+    fast = max(foot.diff(dim=0)[:, [0, 2]].norm(dim=-1).tolist(), default=0.0) / frame_time
+    for k in range(len(found) - 1):
+        one, other = found[k], found[k + 1]
+        ends = foot[[one.last, other.first]]
+        before, after = _end(one.move, -1), _end(other.move, 0)
+        shift = float((after(ends) - before(ends)).norm(dim=-1).max())
+        need = max(shift / max(QUICK, QUICKER * fast), float((after.turn - before.turn).abs()) / SPIN) / frame_time
+        first, last = one.last, other.first
+        while last - first < need:
+            sooner = first - one.first >= least and first > head + 1 and bool(others[first])
+            later = other.last - last >= least and last < tail - 1 and bool(others[last])
+            if sooner and (not later or first - one.first >= other.last - last):
+                first -= 1
+            elif later:
+                last += 1
+            else:
+                break
+        if first < one.last:
+            found[k] = shortened(one, one.first, first)
+        if last > other.first:
+            found[k + 1] = shortened(other, last, other.last)
+    return [one for one in found if any(one.first >= own.first and one.last <= own.last for own in prints)]
+
+
+def _end(move: GroundMove, frame: int) -> GroundMove:
+    return move.at(frame) if move.turn.dim() else move
+
+
 def weights(
     prints: Sequence[FootPrint], frames: int, frame_time: float, kept: tuple[int, int] | None = None
 ) -> list[tuple[slice, Tensor]]:
@@ -182,7 +234,7 @@ def weights(
         times = torch.arange(here.start, here.stop, dtype=torch.float64)
         share = torch.ones_like(times)
         for off, room in ((one.first - times, room_before), (times - one.last, room_after)):
-            held = min(HOLD / frame_time, 0.2 * room)
+            held = min(max(HOLD / frame_time, 1.0), 0.2 * room)
             share = share * smooth_step(1.0 - (off - held).clamp_min(0.0) / max(room - 2.0 * held, 1e-9))
         found.append((here, share))
     return found

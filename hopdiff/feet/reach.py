@@ -12,6 +12,7 @@ REACH = 0.99  # of the leg's length: as far as a foot is put, unless the source 
 SOFT = 0.93  # of the leg's length: from here on a leg stretches less and less
 EDGE = 0.97  # the same as it lands or leaves
 STRETCHED = 0.985  # the same for a leg that stands
+FOLDED, FOLD = 0.5, 0.15  # of the leg's length: from here on it folds less and less, and by how much at most
 HEEL = 0.8  # rad by which a heel is raised beyond the source's, at most
 EASY = 0.4  # of that before the body comes down
 BEHIND = (-0.05, 0.15)  # m that the hip is ahead of the ball of the foot: from where on, and from where on freely
@@ -29,6 +30,13 @@ def softened(track: LegTrack, distance: Tensor, soft: Tensor | float = SOFT) -> 
     low = torch.maximum(track.span, torch.as_tensor(soft, dtype=length.dtype)) * length
     high = torch.maximum(longest(track), low + 1e-4 * length)
     return eased(distance, low, high - low)
+
+
+def unfolded(track: LegTrack, distance: Tensor) -> Tensor:
+    """(T,) distances from hip to ankle [m] to which a leg folds: as they are down to a share of its length and to what
+    the source does, then less and less."""
+    low, room = torch.minimum(track.span, torch.full_like(track.span, FOLDED)) * track.length, FOLD * track.length
+    return -eased(-distance, -low, room)
 
 
 def eased(distance: Tensor, low: Tensor, room: Tensor) -> Tensor:

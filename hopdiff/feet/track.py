@@ -59,14 +59,30 @@ class LegTrack:
     @cached_property
     def length(self) -> Tensor:
         """(T,) of the leg, stretched out."""
-        found: Tensor = (self.knee - self.hip).norm(dim=-1) + (self.ankle - self.knee).norm(dim=-1)
-        return found
+        thigh, shank = self._bones
+        return thigh + shank
 
     @cached_property
     def span(self) -> Tensor:
         """(T,) from hip to ankle, as a share of the leg's length."""
         found: Tensor = (self.ankle - self.hip).norm(dim=-1) / self.length
         return found
+
+    def flexion(self, distance: Tensor) -> Tensor:
+        """(T,) angle by which a knee is bent for an ankle to be so far (T,) from the hip [m, rad]."""
+        thigh, shank = self._bones
+        cosine = (distance**2 - thigh**2 - shank**2) / (2.0 * thigh * shank)
+        return torch.acos(cosine.clamp(-1.0, 1.0))
+
+    def distance(self, flexion: Tensor) -> Tensor:
+        """(T,) how far the ankle is from the hip with a knee that is bent by (T,) [rad, m]."""
+        thigh, shank = self._bones
+        return (thigh**2 + shank**2 + 2.0 * thigh * shank * torch.cos(flexion)).clamp_min(0.0).sqrt()
+
+    @cached_property
+    def _bones(self) -> tuple[Tensor, Tensor]:
+        """(T,) lengths of thigh and shank [m]."""
+        return (self.knee - self.hip).norm(dim=-1), (self.ankle - self.knee).norm(dim=-1)
 
 
 def leg_tracks(clip: Clip, legs: Sequence[Leg]) -> list[LegTrack]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,12 +11,29 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from hopdiff.feet.reach import EASY, EDGE, SOFT, STRETCHED, heel_up, lacking, longest, most_heel, softened, turned_up
+from hopdiff.feet.easing import calmed, jerk
+from hopdiff.feet.frames import apart, nearest
+from hopdiff.feet.reach import (
+    EASY,
+    EDGE,
+    SOFT,
+    STRETCHED,
+    heel_up,
+    lacking,
+    longest,
+    most_heel,
+    softened,
+    turned_up,
+    unfolded,
+)
 from hopdiff.feet.track import LegTrack, bent, smooth_step, turned
 from hopdiff.geometry.rotation import rotation_about
 
 SETTLING = 0.3  # s in which the root is lowered and raised again
 LANDING, LANDED = 0.1, 0.05  # s before and after a contact begins or ends in which a leg stretches more and more
+GIVING = 0.034  # s after it lands and before it leaves in which a foot may be off its print a little for that
+STIFF = 8.0  # how little
+ROUGH = 1.4  # times the largest jerk of a leg in the source that it may have in the air
 HEEL_RAMP = 0.15  # s around a contact in which a heel is raised as in it
 
 
@@ -26,7 +44,9 @@ class FootWay:
 
     stands: (T,) bool. weight: (T,) 1 while the foot stands, less and less on the ways to and from there. flat: (T,) 1
     while the heel stands too, less and less around that: then it is raised only as a last resort. edge: of the leg's
-    length, from which on it stretches less and less as the foot lands or leaves.
+    length, from which on it stretches less and less as the foot lands or leaves. kept: up to which frame and from which
+    on the leg is led as it is, jerks or not; None: in all frames. floor: (T,) height of the ankle below which the foot
+    would be in the ground [m]; None where that is level.
     """
 
     track: LegTrack
@@ -38,6 +58,8 @@ class FootWay:
     flat: Tensor
     frame_time: float
     edge: float = EDGE
+    kept: tuple[int, int] | None = None
+    floor: Tensor | None = None
 
     @cached_property
     def ball(self) -> Tensor | None:
@@ -89,8 +111,62 @@ class FootWay:
             self.stands, landed * (STRETCHED - self.edge) + self.edge, landing * (self.edge - SOFT) + SOFT
         )
         drawn = softened(track, distance, soft)
-        ankle = hip + gap * (drawn / distance.clamp_min(1e-9))[:, None]
+        drawn = torch.where(self.stands, drawn, unfolded(track, drawn))
+        gap = self._even(hip, gap * (drawn / distance.clamp_min(1e-9))[:, None], turn)
+        distance = gap.norm(dim=-1)
+        ankle = hip + gap * (self._unhurried(distance) / distance.clamp_min(1e-9))[:, None]
         bent(track, rotations, turn, hip, ankle, foot, toe)
+
+    def _unhurried(self, distance: Tensor) -> Tensor:
+        """(T,) distances from hip to ankle [m] to which the knee bends without haste while the foot is in the air:
+        near a straight leg a little of a distance is much of an angle."""
+        track, firm = self.track, self._firm
+        own, wanted = track.flexion((track.ankle - track.hip).norm(dim=-1)), track.flexion(distance)
+        least = wanted
+        if self.floor is None:
+            least = torch.minimum(torch.minimum(own, wanted), track.flexion(longest(track)))
+        # A knee is out of the line of its leg by about a quarter of the leg's length times the angle.
+        most = self._most / (0.25 * track.length.mean())
+        flexion = calmed(
+            wanted[:, None], own[:, None], firm, self._stiff, most, self.frame_time, least[:, None]
+        ).squeeze(-1)
+        return torch.where(firm, distance, track.distance(flexion))
+
+    def _even(self, hip: Tensor, gap: Tensor, turn: Tensor) -> Tensor:
+        """(T, 3) ways from hip (T, 3) to ankle [m] without jerks while the foot is in the air. turn: (T, 3, 3) of the
+        body."""
+        track = self.track
+        seen, own = turned(turn.transpose(-1, -2), gap), track.ankle - track.hip
+        firm, least = self._firm, None
+        if self.floor is not None:
+            # An edge of a tread is no place to yield on.
+            firm = firm | self.stands
+            least = torch.full_like(gap, -math.inf)
+            least[:, 1] = torch.minimum(self.floor - hip[:, 1], gap[:, 1])
+        found = calmed(seen, own, firm, self._stiff, self._most, self.frame_time, least)
+        size = found.norm(dim=-1)
+        most = torch.maximum(longest(track), gap.norm(dim=-1))
+        return turned(turn, found * (torch.minimum(size, most) / size.clamp_min(1e-9))[:, None])
+
+    @cached_property
+    def _firm(self) -> Tensor:
+        """(T,) bool, frames in which the ankle has its place."""
+        if self.kept is None:
+            return torch.ones_like(self.stands)
+        frames = torch.arange(len(self.stands))
+        held = apart(~self.stands) * self.frame_time > GIVING
+        return held | (frames <= self.kept[0]) | (frames >= self.kept[1])
+
+    @cached_property
+    def _stiff(self) -> Tensor:
+        """(T,) how dear it is that an ankle is not where it is aimed at, against jerks."""
+        return torch.where(self.stands, STIFF, 0.0).double()
+
+    @cached_property
+    def _most(self) -> Tensor:
+        """(2,) somewhat more than the largest jerk of the leg in the source, from its hip: see `calmed`."""
+        points = [self.track.knee, self.track.ankle, *([] if self.track.ball is None else [self.track.ball])]
+        return ROUGH * torch.stack([jerk(p - self.track.hip, self.frame_time).amax(0) for p in points]).amax(0)
 
 
 def lowering(ways: Sequence[FootWay], most: float, kept: tuple[int, int] | None = None) -> Tensor:
@@ -128,23 +204,3 @@ def smoothed(values: Tensor, wide: int) -> Tensor:
     padded = functional.pad(values[None, None], (wide // 2, wide // 2), mode="replicate")
     found: Tensor = functional.conv1d(padded, (window / window.sum())[None, None])[0, 0]
     return found
-
-
-def apart(flags: Tensor) -> Tensor:
-    """(T,) frames to the nearest one that is true; far where there is none."""
-    if not bool(flags.any()):
-        return torch.full((len(flags),), 1e9, dtype=torch.float64)
-    frames = torch.arange(len(flags))
-    return (frames - nearest(flags)).abs().double()
-
-
-def nearest(flags: Tensor) -> Tensor:
-    """(T,) the nearest frame that is true; 0 where there is none."""
-    true = flags.nonzero().flatten()
-    frames = torch.arange(len(flags))
-    if not len(true):
-        return torch.zeros_like(frames)
-    after = torch.searchsorted(true, frames).clamp_max(len(true) - 1)
-    before = (after - 1).clamp_min(0)
-    nearer = (true[after] - frames).abs() < (true[before] - frames).abs()
-    return torch.where(nearer, true[after], true[before])

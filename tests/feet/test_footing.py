@@ -20,11 +20,11 @@ from tests.people import clip_of
 CLIPS = ("walk", "walk_straight_cmu_16_15", "walk_straight_snu_30hz")
 
 
-def rising(clip: Clip, kind: str, **more: float) -> Ground:
-    """A ground that rises where a clip goes, from .8 m after its start."""
+def rising(clip: Clip, kind: str, before: float = 0.8, **more: float) -> Ground:
+    """A ground that rises where a clip goes, some metres after its start."""
     path = root_path(clip)
     way = path.place[-1] - path.place[0]
-    start = path.place[0] + 0.8 * way / way.norm()
+    start = path.place[0] + before * way / way.norm()
     heading = math.degrees(math.atan2(float(way[0]), float(way[1])))
     return build_ground({"kind": kind, "start": start.tolist(), "heading": heading, **more})
 
@@ -95,3 +95,15 @@ def test_level_ground_changes_nothing() -> None:
     level = build_ground({"kind": "slope", "angle": 0.0, "heading": 0.0, "start": [0, 0], "length": None})
     on_level = clean_feet(clip, clip, contacts, level)
     assert (on_level.clip.rotations - clip.rotations).abs().max() < 1e-6
+
+
+def test_a_foot_that_is_in_the_air_at_both_ends_stands_in_between_as_high_as_the_ground() -> None:
+    clip = clip_of("run")
+    whole = find_contacts(clip, find_legs(clip.skeleton))
+    first, last = whole.plants(0)[1]
+    part = clip.part(slice(first - 6, last + 7))
+    ground = rising(part, "slope", before=0.0, angle=10.0, length=None)
+    contacts, planted = walked(part, ground, 1.0)
+    assert not contacts.stands(0)[[0, -1]].any()
+    assert planted.touching[:, 0].any()
+    assert heights(part, contacts, planted, ground).abs().max() < 0.012

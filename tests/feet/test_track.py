@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import find_legs
+from hopdiff.feet.reach import FOLD, FOLDED, unfolded
 from hopdiff.feet.track import LegTrack, bent, leg_tracks
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation
@@ -107,3 +108,25 @@ def test_a_knee_does_not_pop_where_a_leg_is_so_straight_that_its_bend_is_noise(n
     line = torch.nn.functional.normalize(found.ankle - found.hip, dim=-1)
     out = (found.knee - found.hip) - ((found.knee - found.hip) * line).sum(-1, keepdim=True) * line
     assert float((out * forward).sum(-1)[half:].min()) > 0.0
+
+
+@pytest.mark.parametrize("name", CLIPS)
+def test_a_knee_is_bent_by_the_angle_between_its_bones(name: str) -> None:
+    for track in tracks_of(clip_of(name)):
+        thigh, shank = track.knee - track.hip, track.ankle - track.knee
+        angle = torch.atan2(torch.linalg.cross(thigh, shank).norm(dim=-1), (thigh * shank).sum(-1))
+        far = (track.ankle - track.hip).norm(dim=-1)
+        torch.testing.assert_close(track.flexion(far), angle, atol=2e-6, rtol=0.0)
+        torch.testing.assert_close(track.distance(angle), far)
+
+
+def test_a_leg_folds_no_further_than_a_heel_gets_to_the_body() -> None:
+    (track, _) = tracks_of(clip_of("walk"))
+    for share in (1.0, 0.7, FOLDED, 0.4, 0.2, 0.0):
+        wish = share * track.length
+        found = unfolded(track, wish)
+        if share >= FOLDED:
+            torch.testing.assert_close(found, wish)
+        assert (found >= wish - 1e-12).all()
+        # Unless the clip itself folds it further.
+        assert (found >= (torch.minimum(track.span, torch.tensor(FOLDED)) - FOLD) * track.length).all()
