@@ -23,6 +23,7 @@ GLANCE = 1.0 / 30.0  # s over which speeds are taken
 EASE = 0.6  # of the walk's largest acceleration that a blend may add
 SHORTEST, LONGEST = 0.4, 1.2  # s in which a difference is taken away
 SWIFT = 25.0  # rad/s above which a difference of turns is a leap from one axis to another
+CARRIED = 0.4  # s in which a difference of speeds is taken away at most
 QUICKEST = 0.25  # s that a foot has for it at least
 SHARE = 0.5  # of the walk at most
 
@@ -45,7 +46,8 @@ def _needed(walk: Tensor, before: Tensor, frame_time: float, least: float) -> fl
     most = EASE * float(jolts.max())
     if most <= 0.0:
         return LONGEST
-    # The polynomials of `_Fade` bend by 5.8 of what they take away over T^2, and by 3.9 of its speed over T.
+    # The polynomials of `_Fade` bend by 5.8 of what they take away over T^2, and by 3.9 of its speed over T, or
+    # more where that is longer than CARRIED.
     speed = 3.9 * faster
     seconds = (speed + (speed**2 + 4.0 * most * 5.8 * far).sqrt()) / (2.0 * most)
     return min(max(least, float(seconds.max())), LONGEST)
@@ -109,11 +111,13 @@ class _Fade:
     def __init__(self, walk: Clip, seconds: float) -> None:
         self.frame_time = walk.frame_time
         count = min(walk.frames - 1, max(1, round(seconds / walk.frame_time)))
-        s = torch.arange(walk.frames, dtype=torch.float64) / count
-        s = s.clamp_max(1.0)
+        # What a speed adds grows with the time in which it is taken away.
+        quick = min(count, max(1, round(CARRIED / walk.frame_time)))
+        frames = torch.arange(walk.frames, dtype=torch.float64)
+        s, t = (frames / count).clamp_max(1.0), (frames / quick).clamp_max(1.0)
         # From 1 and from 0 with slope 1 to rest; without curvature at both ends.
         self.of_place = 1.0 - s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        self.of_speed = count * (s - s**3 * (6.0 - 8.0 * s + 3.0 * s**2))
+        self.of_speed = quick * (t - t**3 * (6.0 - 8.0 * t + 3.0 * t**2))
         self.frames = slice(0, count + 1)
 
     def _faded(self, now: Tensor, change: Tensor) -> Tensor:

@@ -33,14 +33,15 @@ def angle(clip: Clip) -> torch.Tensor:
 
 @pytest.mark.parametrize(("rate", "before"), [(0.0, 0.0), (0.0, 0.6), (0.5, -0.4), (-0.3, 0.2)])
 def test_an_angle_goes_over_by_the_polynomial_that_keeps_place_and_speed(rate: float, before: float) -> None:
-    """The closed form: x0 (1 - 10 s^3 + 15 s^4 - 6 s^5) + v0 T (s - 6 s^3 + 8 s^4 - 3 s^5)."""
-    seconds, own = 1.0, 0.2
+    """The closed form: x0 (1 - 10 s^3 + 15 s^4 - 6 s^5), s from 0 to 1 in the time of the blend, and
+    v0 T (t - 6 t^3 + 8 t^4 - 3 t^5), t from 0 to 1 in T = .4 s."""
+    seconds, quick, own = 1.0, 0.4, 0.2
     ahead, sooner = turning(own, 0.1), turning(rate, 0.1 + before)
     made = angle(blended(ahead, sooner, seconds))
-    s = (torch.arange(61, dtype=torch.float64) / 30.0 / seconds).clamp_max(1.0)
+    s, t = ((torch.arange(61, dtype=torch.float64) / 30.0 / time).clamp_max(1.0) for time in (seconds, quick))
     x0 = float(angle(sooner)[-1]) - 0.1
     expected = x0 * (1 - 10 * s**3 + 15 * s**4 - 6 * s**5)
-    expected = expected + (rate - own) * seconds * (s - 6 * s**3 + 8 * s**4 - 3 * s**5)
+    expected = expected + (rate - own) * quick * (t - 6 * t**3 + 8 * t**4 - 3 * t**5)
     assert (made - angle(ahead) - expected).abs().max() < 1e-9
 
 
