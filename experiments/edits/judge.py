@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, percentile_filter, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, percentile_filter, uniform_filter1d
 
 from experiments.bvh_reading import Body, Floats
 
@@ -23,6 +23,7 @@ SHORTEST, GAP, GLANCE = 0.08, 0.05, 1.0 / 30.0  # s
 CLIMB = 0.35  # s before and after a frame over which the ground under a body is averaged
 LIFT = 0.03  # m of the lowest point of a foot that makes a step
 OFF, LEAVING = 0.005, 0.15  # m by which it is off the ground just before and after that, and s for which it may be
+RAISED = 0.005  # m over the source by which a heel is up on uneven ground
 AROUND = 1.5  # s in which a foot's own floor is looked for, so that a slope does not end its contacts
 RESTING = 0.25  # of the fastest part: what any other may reach before its own speed counts
 LEG = 0.9  # m, for which LOW is meant
@@ -107,6 +108,8 @@ def judge(
     own = contacts(edited, level)
     touching = contacts(source)
     touching &= ~stepping(edited, own, floor, level)
+    if ground:
+        touching &= ~rolling(source, edited, own, level)
     mover = source.mover
     legs = {joint for leg in source.legs for joint in below(source.parents, leg.hip)} if ground else set()
     rest = [k for k in range(source.places.shape[1]) if k not in legs]
@@ -114,8 +117,11 @@ def judge(
     rise = level(edited.places[..., 0], edited.places[..., 2])
     # Stairs are climbed as a slope is.
     lifted = np.concatenate([rise[:, leg.feet] for leg in source.legs], axis=1)
-    under = uniform_filter1d(rise[:, mover], 1 + 2 * round(CLIMB / edited.frame_time), mode="nearest")
-    drop = source.places[:, mover, 1] - edited.places[:, mover, 1] + under
+    wide = 1 + 2 * round(CLIMB / edited.frame_time)
+    under = uniform_filter1d(rise[:, mover], wide, mode="nearest")
+    # Soon before and after a foot stands lower, a body is no higher than that leg lets it be.
+    lowest = minimum_filter1d(np.where(own, lifted, np.inf).min(axis=1), wide, mode="nearest")
+    drop = source.places[:, mover, 1] - edited.places[:, mover, 1] + np.minimum(under, lowest)
     off = moved[..., 1] - lifted - old_moved[..., 1]
     speed, jerk = paces(edited), jerks(edited)
     old_speed, old_jerk = paces(source), jerks(source)
@@ -253,6 +259,19 @@ def stepping(edited: Body, own: Flags, floor: Floor, level: Height) -> Flags:
         near = maximum_filter1d(away, 1 + 2 * round(LEAVING / edited.frame_time), mode="nearest")
         for first, after in runs(away | (near & (lift > OFF))):
             found[first:after, points] = lift[first:after].max() >= LIFT
+    return found
+
+
+def rolling(source: Body, edited: Body, own: Flags, level: Height) -> Flags:
+    """(T, C) when a point of a foot is up, unlike in the source, while another point of that foot stands: where ground
+    rises a heel leaves it sooner, and slides no more than one that left it anyway."""
+    moved, old = places_of(edited, own), places_of(source, own)
+    up = moved[..., 1] - level(moved[..., 0], moved[..., 2]) - old[..., 1] > RAISED
+    found, column = np.zeros_like(own), 0
+    for leg in edited.legs:
+        points = slice(column, column + len(leg.feet))
+        column += len(leg.feet)
+        found[:, points] = up[:, points] & ~own[:, points] & own[:, points].any(axis=1, keepdims=True)
     return found
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import torch
 
-from experiments.bvh_reading import Body, body, read
+from experiments.bvh_reading import Body, Floats, body, read
 from experiments.edits.asks import KINDS, NOT_YET, Way
-from experiments.edits.judge import Bound, Verdict, contacts, judge
+from experiments.edits.judge import Bound, Verdict, contacts, judge, stands
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.io.bvh import read_bvh, write_bvh
@@ -289,3 +289,50 @@ def test_every_kind_of_edit_says_what_it_is_bound_to() -> None:
         assert ask.words, kind
         assert any(one.place is not None for one in ask.bound), kind
         assert (ask.ground is not None) == (kind in NOT_YET), kind
+
+
+def test_a_heel_that_comes_up_sooner_while_the_toes_stand_slides_on_level_ground_alone(tmp_path: Path) -> None:
+    """Where ground rises it must."""
+    own = source()
+    feet = contacts(own)
+    leg = own.legs[0]
+    (first, last) = next((a, b) for k, a, b in stands(feet) if k == 1 and a > 5)
+
+    def lifted(clip: Clip) -> Clip:
+        """The foot turned about its ball, and the body so that this stays: seen from the foot alone."""
+        turns = bump(clip, first, 2 * last - first)
+        return turned(clip, "LeftFoot", "X", 45.0 * turns)
+
+    path = tmp_path / "edited.bvh"
+    write_bvh(path, lifted(made(WALK)), "ZYX", 100.0)
+    made_body = body(path, own)
+    # As if the body had been put where the ball of the foot is again.
+    off = made_body.places[:, leg.feet[1]] - own.places[:, leg.feet[1]]
+    there = replace(made_body, places=made_body.places - off[:, None])
+    level = judge(own, there, ())
+    uneven = judge(own, there, (), lambda x, z: np.zeros_like(x))
+    assert level.numbers["drift"] > uneven.numbers["drift"] + 0.01
+    # One that drags its toes along does slide there too.
+    drag = np.zeros_like(there.places)
+    drag[first:last, :, 0] = np.linspace(0.0, 0.05, last - first)[:, None]
+    dragged = judge(own, replace(there, places=there.places + drag), (), lambda x, z: np.zeros_like(x))
+    assert "drift" in dragged.failed
+
+
+def test_a_body_may_be_as_low_as_a_foot_that_stands_lower_asks_and_no_lower() -> None:
+    own = source()
+    x = own.places[:, own.mover, ::2]
+    middle, ahead = x[own.frames // 2], (x[-1] - x[0]) / np.hypot(*(x[-1] - x[0]))
+
+    def step(p: Floats, q: Floats) -> Floats:
+        """A tread of .17 m in the middle of the way."""
+        return np.where((p - middle[0]) * ahead[0] + (q - middle[1]) * ahead[1] > 0.0, 0.17, 0.0)
+
+    low = judge(own, own, (), step).numbers["root drop"]
+    # All of the walk is left on the lower floor: past the step nothing stands lower.
+    assert low == pytest.approx(0.17, abs=1e-6)
+    climbed = own.places.copy()
+    climbed[..., 1] += np.convolve(np.pad(step(x[:, 0], x[:, 1]), 15, mode="edge"), np.ones(31) / 31, mode="valid")[
+        :, None
+    ]
+    assert judge(own, replace(own, places=climbed), (), step).numbers["root drop"] < 0.08
