@@ -169,9 +169,14 @@ class _Foot:
         for one in self.prints:
             self.stands[one.frames] = True
         self.footing: Footing | None = None
+        self._way: FootWay | None = None
         if ground is None:
-            need = self.way(torch.zeros_like(edit.turn)).sink()
-            self.prints = [self._shifted(one) if float(need[one.frames].max()) > MISS else one for one in self.prints]
+            self._way = self.way(torch.zeros_like(edit.turn))
+            need = self._way.sink()
+            far = [float(need[one.frames].max()) > MISS for one in self.prints]
+            if any(far):
+                self._way = None
+                self.prints = [self._shifted(one) if too else one for one, too in zip(self.prints, far, strict=True)]
         else:
             floors, level = contacts.floor[own], contacts.level[:, number]
             self.footing = Footing(ground, track, edit, self.prints, points, floors, level)
@@ -205,6 +210,8 @@ class _Foot:
 
     def way(self, rise: Tensor) -> FootWay:
         """From print to print. rise: (T,) of the body [m]."""
+        if self._way is not None and not bool(rise.any()):
+            return self._way
         track = self.track
         own, turn = self.edit(track.ankle), self.edit.turn
         ankle, yaw, weight = own.clone(), turn.clone(), torch.zeros_like(turn)
@@ -282,7 +289,7 @@ class _Foot:
                 one = shortened(one, *found)
             kept.append(one)
             stands[one.frames] = True
-        self.prints, self.stands = kept, stands
+        self.prints, self.stands, self._way = kept, stands, None
         return True
 
 

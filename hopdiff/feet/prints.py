@@ -187,13 +187,16 @@ def unhurried(
         found.insert(0, FootPrint(head, head, edit.at(head), True))
     if found[-1].last < tail:
         found.append(FootPrint(tail, tail, edit.at(tail), True))
-    fast = max(foot.diff(dim=0)[:, [0, 2]].norm(dim=-1).tolist(), default=0.0) / frame_time
-    for k in range(len(found) - 1):
+    if len(found) < 2:
+        return list(prints)
+    step = foot.diff(dim=0)[:, [0, 2]].norm(dim=-1).max()
+    ends = foot[torch.tensor([[one.last for one in found[:-1]], [one.first for one in found[1:]]])]
+    before, after = _ends([one.move for one in found[:-1]], -1), _ends([one.move for one in found[1:]], 0)
+    shift = (after(ends) - before(ends)).norm(dim=-1).amax(0)
+    fastest = torch.clamp(QUICKER * step / frame_time, min=QUICK)
+    needs = torch.maximum(shift / fastest, (after.turn - before.turn).abs() / SPIN) / frame_time
+    for k, need in enumerate(needs.tolist()):
         one, other = found[k], found[k + 1]
-        ends = foot[[one.last, other.first]]
-        before, after = _end(one.move, -1), _end(other.move, 0)
-        shift = float((after(ends) - before(ends)).norm(dim=-1).max())
-        need = max(shift / max(QUICK, QUICKER * fast), float((after.turn - before.turn).abs()) / SPIN) / frame_time
         first, last = one.last, other.first
         while last - first < need:
             sooner = first - one.first >= least and first > head + 1 and bool(others[first])
@@ -208,11 +211,15 @@ def unhurried(
             found[k] = shortened(one, one.first, first)
         if last > other.first:
             found[k + 1] = shortened(other, last, other.last)
-    return [one for one in found if any(one.first >= own.first and one.last <= own.last for own in prints)]
+    # Without the ends of the clip.
+    begin = int(len(prints) == 0 or found[0].last < prints[0].first)
+    return found[begin : begin + len(prints)]
 
 
-def _end(move: GroundMove, frame: int) -> GroundMove:
-    return move.at(frame) if move.turn.dim() else move
+def _ends(moves: Sequence[GroundMove], frame: int) -> GroundMove:
+    """Moves (K,) at the beginning or the end of their contacts."""
+    single = [one.at(frame) if one.turn.dim() else one for one in moves]
+    return GroundMove(torch.stack([one.turn for one in single]), torch.stack([one.shift for one in single]))
 
 
 def weights(
