@@ -36,5 +36,5 @@ def perform(config: DictConfig, folder: Path, command: Sequence[str], resume: bo
             write_record(folder, call.plain, call.command)
             work(run)
             if call.exports and task.motion:
-                load("hopdiff.tasks.export", "export_result")(folder, call.exports)
+                load("hopdiff.tasks.export", "export_result")(run, call.exports)
     return run.interrupted

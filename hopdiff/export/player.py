@@ -46,6 +46,7 @@ SHOWN = (
     ("beta", "Briskness β", "", 1.0, 2),
     ("character", "Character", "", 1.0, 0),
     ("body", "Body", "", 1.0, 0),
+    ("parts", "Parts found on it", "", 1.0, 0),
     ("leg_ratio", "Legs, of the source's", "", 1.0, 3),
     ("search", "Search", "", 1.0, 0),
     ("model", "Model", "", 1.0, 0),

@@ -55,8 +55,8 @@ def retargeted(take: Take, target: Target) -> Take:
     The result has the target's joints, names and bones; joints that are no known part stay as in the rest pose. While a
     foot of the source stands, that of the target does not slide; what a loop ends with is what it began with. A root
     joint on the ground carries the steady way in GLB files.
-    numbers: what holds for this body, too, lengths and speed scaled; body and leg_ratio. Apply this to motions that
-    travel: those in place slide over the ground.
+    numbers: what holds for this body, too, lengths and speed scaled; body, parts found, and leg_ratio. Apply this to
+    motions that travel: those in place slide over the ground.
     Raises HopdiffError if the parts of the take's own skeleton cannot be told.
     """
     if is_model_body(take.clip.skeleton) and take.contact is not None:
@@ -71,7 +71,7 @@ def retargeted(take: Take, target: Target) -> Take:
     clip = replace(clip, skeleton=target.skeleton, rotations=target.own_frames(clip.rotations))
     numbers = {name: value for name, value in take.numbers.items() if name in TIMES}
     numbers |= {name: ratio * take.numbers[name] for name in LENGTHS if isinstance(take.numbers.get(name), float)}
-    numbers |= {"body": Path(target.name).name, "leg_ratio": ratio}
+    numbers |= {"body": Path(target.name).name, "parts": target.report().count, "leg_ratio": ratio}
     unknown: dict[str, Any] = dict.fromkeys(("com", "leg_force", "masses", "force", "cop", "segments"))
     found = replace(take, clip=clip, feet=feet, numbers=numbers, **unknown)
     return with_way_on_root(found, target.parts["pelvis"]) if _ground_root(target) else found

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from hopdiff.editing.leg_joints import SIDES, Leg
 from hopdiff.export.anatomy import SCHEMES, parts_of
+from hopdiff.export.mapping import MappingReport, few
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.bvh import BvhFile, read_bvh
@@ -74,6 +75,10 @@ class Target:
         """The left leg and the right."""
         parts = ("hip", "knee", "ankle", "toe")
         return tuple(Leg(side, *(self.parts.get(f"{side}_{part}") for part in parts)) for side in SIDES)  # type: ignore[arg-type]
+
+    def report(self) -> MappingReport:
+        """Which parts were found."""
+        return MappingReport.of(Path(self.name).name, self.skeleton.names, self.parts)
 
     def own_frames(self, rotations: Tensor) -> Tensor:
         """Rotations (T, J, 3, 3) of the aligned joints as those of the skeleton's own."""
@@ -152,7 +157,10 @@ def target_of(
     found = dict(parts)
     lacking = {side: [part for part in ("hip", "knee") if f"{side}_{part}" not in found] for side in SIDES}
     if all(lacking.values()):
-        raise HopdiffError(f"{name} lacks a pair of legs, or its joints' names do not tell them: see retarget.names.")
+        raise HopdiffError(
+            f"{name} lacks a pair of legs, or its joints' names do not tell them: see retarget.names. Its joints:"
+            f" {few(skeleton.names)}."
+        )
     for side in SIDES:
         if lacking[side]:
             raise HopdiffError(f"{name} lacks a {side} leg: none of its joints is known to be the {lacking[side][0]}.")
@@ -240,6 +248,8 @@ def _parts_in_file(skeleton: Skeleton, path: str) -> dict[str, int]:
             raise HopdiffError(
                 f"{path}: there is no part {str(part)!r}; parts are {', '.join(JOINTS)}.{near(str(part), JOINTS)}"
             )
+        if joint is None:
+            continue
         if joint not in skeleton.names:
             hint = near(str(joint), skeleton.names)
             raise HopdiffError(f"{path}: {part} is {str(joint)!r}, but the skeleton has no such joint.{hint}")

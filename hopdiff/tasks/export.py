@@ -7,13 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from hopdiff.export.mapping import NAMES_FILE
 from hopdiff.export.request import Exports
 from hopdiff.export.retarget import retargeted, write_retargeted
 from hopdiff.export.tables import read_npz
 from hopdiff.export.take import Take
 from hopdiff.export.write import distinct, plain, write_exports
 from hopdiff.io.bvh import read_bvh
-from hopdiff.io.files import read_json
+from hopdiff.io.files import read_json, write_whole
+from hopdiff.io.record import write_json
 from hopdiff.io.run_folder import Note, RunFolder
 from hopdiff.job import run_name
 from hopdiff.messages import say
@@ -46,7 +48,8 @@ def build(call: Call) -> Work:
         notes = [f"{take.name}: {note}" for take in takes for note in take.notes]
         folder.notes = [Note("clip", note) for note in notes]
         told = [("note", note) for note in notes]
-        rows = [("motions", _motions(takes)), *written, *told, ("files", shown(folder.path))]
+        rows = [("motions", _motions(takes)), *written, *told, *_mapped(folder, call.exports)]
+        rows.append(("files", shown(folder.path)))
         say("\n".join(f"{name:<9} {text}" for name, text in rows))
 
     return work
@@ -95,9 +98,9 @@ def sources_of(run: Any, runs: str | None) -> list[Path]:
     return found
 
 
-def export_result(folder: Path, exports: Exports) -> None:
+def export_result(folder: RunFolder, exports: Exports) -> None:
     """Write the motion of a run folder that was just made into that folder."""
-    rows = _rows(write_all([read_take(folder)], exports, folder))
+    rows = _rows(write_all([read_take(folder.path)], exports, folder.path)) + _mapped(folder, exports)
     say("\n".join(f"{name:<9} {text}" for name, text in rows))
 
 
@@ -115,6 +118,26 @@ def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> list[tup
             write_retargeted(path, take, exports.target)
             written.append((path, take))
     return written + write_exports(takes, exports.files, folder)
+
+
+def _mapped(folder: RunFolder, exports: Exports) -> list[tuple[str, str]]:
+    """Lines for people on the parts that were found on another body. The same goes into the metrics of a run, or a file
+    of its own where there are none; parts that were not found may be filled in in a third."""
+    if exports.target is None:
+        return []
+    report = exports.target.report()
+    metrics = folder.path / "metrics.json"
+    if metrics.is_file():
+        write_json(metrics, {**read_json(metrics), "retarget": report.numbers()})
+    else:
+        write_json(folder.path / "retarget.json", report.numbers())
+    if report.missing:
+        write_whole(folder.path / NAMES_FILE, report.names_file())
+    rows, warning = [("body", report.sentence())], report.warning()
+    if warning is not None:
+        folder.notes.append(Note("retarget", warning))
+        rows.append(("note", warning))
+    return rows
 
 
 def _rows(written: Sequence[tuple[Path, Take]]) -> list[tuple[str, str]]:
