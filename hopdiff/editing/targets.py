@@ -83,9 +83,9 @@ def edit_path(
         near = None if guess is None else steps_of(RootPath(guess.place, guess.yaw + course)).unsqueeze(0)
         found = solver.solve(targets, near)
         most = max(SPIN, spin(solver.source.yaw, frame_time))
-        for dearer in DEARER:
+        for dearer in DEARER if guess is None else ():
             whirl = spin(found.path.yaw[0], frame_time)
-            if whirl <= most or near is not None:
+            if whirl <= most:
                 break
             # A body that has next to no way left to go would rather whirl than slow down.
             other = PathSolver(solver.source, frame_time, replace(settings, turn=dearer * settings.turn)).solve(targets)

@@ -31,8 +31,7 @@ def jerk(values: Tensor, frame_time: float) -> Tensor:
         if len(values) <= ORDER * step:
             found.append(values.new_zeros(len(values)))
             continue
-        even = values if step == 1 else averaged(values, step)
-        third = even
+        third = values if step == 1 else averaged(values, step)
         for _ in range(ORDER):
             third = third[step:] - third[:-step]
         size = third.norm(dim=-1) / (step * frame_time) ** ORDER

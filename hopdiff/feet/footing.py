@@ -60,7 +60,7 @@ class Footing:
         ends = [(one.first, one.last) for one in prints]
         last = len(middle) - 1
         for one in prints:
-            move = one.move if one.move.turn.dim() == 0 else one.move.at(len(one.move.turn) // 2)
+            move = one.move.at((one.last + 1 - one.first) // 2)
             centre = move(middle[one.frames].mean(dim=0))[[0, 2]]
             along = _heading(track, one) + move.turn
             by = ground.footing(centre[None], along[None], self.ahead, self.behind)[0]

@@ -44,7 +44,8 @@ class GroundMove:
         return cls(turn, end - _about_y(turn, start))
 
     def at(self, frame: int | slice) -> GroundMove:
-        return GroundMove(self.turn[frame], self.shift[frame])
+        """That of some frames: itself where it is the same in all."""
+        return GroundMove(self.turn[frame], self.shift[frame]) if self.turn.dim() else self
 
     def shifted(self, by: Tensor) -> GroundMove:
         return GroundMove(self.turn, self.shift + by)
@@ -183,7 +184,8 @@ def unhurried(
     """
     head, tail = kept or (0, len(foot) - 1)
     found, least = list(prints), max(2, round(LEAST_STAND / frame_time))
-    if not found or found[0].first > head:
+    begin = int(not found or found[0].first > head)
+    if begin:
         found.insert(0, FootPrint(head, head, edit.at(head), True))
     if found[-1].last < tail:
         found.append(FootPrint(tail, tail, edit.at(tail), True))
@@ -212,13 +214,12 @@ def unhurried(
         if last > other.first:
             found[k + 1] = shortened(other, last, other.last)
     # Without the ends of the clip.
-    begin = int(len(prints) == 0 or found[0].last < prints[0].first)
     return found[begin : begin + len(prints)]
 
 
 def _ends(moves: Sequence[GroundMove], frame: int) -> GroundMove:
     """Moves (K,) at the beginning or the end of their contacts."""
-    single = [one.at(frame) if one.turn.dim() else one for one in moves]
+    single = [one.at(frame) for one in moves]
     return GroundMove(torch.stack([one.turn for one in single]), torch.stack([one.shift for one in single]))
 
 
@@ -257,7 +258,5 @@ def spread(move: GroundMove, one: FootPrint, here: slice) -> GroundMove:
 
 def shortened(one: FootPrint, first: int, last: int) -> FootPrint:
     """The print of a contact of which only some frames are left."""
-    move = one.move
-    if move.turn.dim():
-        move = move.at(slice(first - one.first, last + 1 - one.first))
+    move = one.move.at(slice(first - one.first, last + 1 - one.first))
     return replace(one, first=first, last=last, move=move)

@@ -56,7 +56,7 @@ def bump(clip: Clip, low: int, high: int) -> torch.Tensor:
     return torch.sin(np.pi * ((times - low) / (high - low)).clamp(0.0, 1.0)) ** 2
 
 
-@pytest.mark.parametrize("name", ["bvh_reading.py", "edits/judge.py", "edits/asks.py"])
+@pytest.mark.parametrize("name", ["bvh_reading.py", "edits/judge.py", "edits/joints.py", "edits/asks.py"])
 def test_the_judge_shares_nothing_with_what_it_judges(name: str) -> None:
     tree = ast.parse((ROOT / "experiments" / name).read_text(encoding="utf-8"))
     found = set()
@@ -68,6 +68,7 @@ def test_the_judge_shares_nothing_with_what_it_judges(name: str) -> None:
     assert not {one for one in found if one.split(".")[0] in ("hopdiff", "torch")}
     assert {one for one in found if one.startswith("experiments")} <= {
         "experiments.bvh_reading",
+        "experiments.edits.joints",
         "experiments.edits.judge",
     }
 

@@ -214,6 +214,6 @@ def test_a_periodic_rate_repeats(length: float, angle: float, speed: float, swin
     hopper = Hopper(length, angle, speed, stiffness=(swings / contact) ** 2, mass=1.0)
     if (rate := periodic_rate(hopper)) is not None:
         exact = first_hop(hopper, rate)
-        assert exact.contact == pytest.approx(contact, rel=3e-4)
+        assert exact.contact == pytest.approx(contact, rel=1e-4)
         assert exact.flight == pytest.approx(-2.0 * rate / GRAVITY, rel=1e-3)
         assert exact.landing_rate == pytest.approx(rate, rel=1e-3)
