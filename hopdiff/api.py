@@ -123,7 +123,7 @@ def save(
             raise HopdiffError("save needs the name of an export, such as glb.")
         takes = [run.take() for run in ([runs] if isinstance(runs, Run) else runs)]
         prepare_folder(Path(folder))
-        return [path for path, _ in write_all(distinct(takes), wanted, Path(folder))]
+        return [path for path, _ in write_all(distinct(takes), wanted, Path(folder)).files]
 
 
 @contextmanager

@@ -200,7 +200,7 @@ def retarget_rows(runs: Sequence[Take], bodies: Sequence[Path], folder: Path) ->
             assert take.feet is not None
             assert take.contact is not None
             file = folder / f"body{target.suffix}"
-            write_retargeted(file, take, target)
+            write_retargeted(file, [take], target)
             # The last of the motions in the file: it may have had one of the same name.
             back = read_bvh(file).clip() if target.suffix == ".bvh" else [*read_glb(file).values()][-1]
             off = (back.joint_positions() - take.clip.joint_positions()).norm(dim=-1).max()

@@ -33,41 +33,59 @@ AROUND = 2.0  # s of a loop's neighbours that its contacts are seen with
 class Sole:
     """Points of the sole of a leg in the rest pose, from the ankle, or from the end of the shank [m].
 
-    heel, ball, tip: (3,); tip is from the toe joint, and toe (3,) is where that is; None if the leg has none.
+    foot: (K, 3); the foot stands on `ball` (3,), that of the last of them on a foot without a skin. toe: (3,) of the
+    toe joint, None if the leg has none, and tips: (M, 3) from there.
     """
 
     leg: Leg
-    heel: Tensor
-    ball: Tensor | None = None
+    foot: Tensor
+    ball: Tensor
     toe: Tensor | None = None
-    tip: Tensor | None = None
+    tips: Tensor | None = None
 
     @classmethod
     def of(cls, target: Target, leg: Leg) -> Sole:
-        depth = target.depth(leg)
+        depth, here = target.depth(leg), torch.zeros(3, dtype=torch.float64)
         if leg.ankle is None:
-            return cls(leg, torch.zeros(3, dtype=torch.float64))
+            return cls(leg, here.unsqueeze(0), here)
 
         def on_ground(place: Tensor) -> Tensor:
             return torch.stack((place[0], place.new_tensor(-depth), place[2]))
 
-        heel = on_ground(torch.zeros(3, dtype=torch.float64))
-        if leg.toe is None:
+        toe = None if leg.toe is None else target.places[leg.toe] - target.places[leg.ankle]
+        skin = target.sole(leg)
+        if skin is not None:
+            ball = toe if toe is not None else (skin.tip - 0.3 * (skin.tip + skin.heel)) * skin.ahead
+            return cls(leg, skin.foot, on_ground(ball), toe, skin.toe)
+        heel = on_ground(here)
+        if leg.toe is None or toe is None:
             end = target.end_of(leg.ankle)
-            return cls(leg, heel, None if end is None else on_ground(end))
-        toe = target.places[leg.toe] - target.places[leg.ankle]
+            foot = [heel] if end is None else [heel, on_ground(end)]
+            return cls(leg, torch.stack(foot), foot[-1])
         end = target.end_of(leg.toe)
-        return cls(leg, heel, on_ground(toe), toe, None if end is None else on_ground(toe + end) - toe)
+        tips = None if end is None else (on_ground(toe + end) - toe).unsqueeze(0)
+        return cls(leg, torch.stack((heel, on_ground(toe))), on_ground(toe), toe, tips)
 
     def points(self, frames: Tensor) -> Tensor:
-        """(T, K, 3) from the ankle, of joints turned as (T, J, 3, 3); the second is where the foot stands, if any."""
+        """(T, K, 3) from the ankle, of joints turned as (T, J, 3, 3)."""
         if self.leg.ankle is None:
             return torch.zeros(len(frames), 1, 3, dtype=torch.float64)
-        foot = frames[:, self.leg.ankle]
-        found = [foot @ point for point in (self.heel, self.ball) if point is not None]
-        if self.toe is not None and self.tip is not None and self.leg.toe is not None:
-            found.append(foot @ self.toe + frames[:, self.leg.toe] @ self.tip)
-        return torch.stack(found, dim=1)
+        found = _turned(frames[:, self.leg.ankle], self.foot)
+        if self.toe is not None and self.tips is not None and self.leg.toe is not None:
+            toe = _turned(frames[:, self.leg.ankle], self.toe.unsqueeze(0))
+            found = torch.cat((found, toe + _turned(frames[:, self.leg.toe], self.tips)), dim=1)
+        return found
+
+    def standing(self, frames: Tensor) -> Tensor:
+        """(T, 3) from the ankle where the foot stands."""
+        if self.leg.ankle is None:
+            return torch.zeros(len(frames), 3, dtype=torch.float64)
+        return _turned(frames[:, self.leg.ankle], self.ball.unsqueeze(0))[:, 0]
+
+
+def _turned(frames: Tensor, points: Tensor) -> Tensor:
+    """(T, K, 3) points (K, 3) of frames (T, 3, 3)."""
+    return points @ frames.transpose(-1, -2)
 
 
 def foot_points(clip: Clip, soles: Sequence[Sole]) -> Tensor:
@@ -75,8 +93,7 @@ def foot_points(clip: Clip, soles: Sequence[Sole]) -> Tensor:
     frames = clip.forward()[1]
     found = []
     for sole, track in zip(soles, leg_tracks(clip, [sole.leg for sole in soles]), strict=True):
-        points = sole.points(frames)
-        found.append(track.ankle + points[:, min(1, points.shape[1] - 1)])
+        found.append(track.ankle + sole.standing(frames))
     return torch.stack(found, dim=1)
 
 

@@ -8,6 +8,7 @@ that is level stays level, however high the ankle is above it.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,16 +18,20 @@ from torch import Tensor
 
 from hopdiff.editing.leg_joints import SIDES
 from hopdiff.export.full_body import full_body, is_model_body
+from hopdiff.export.hanging import TRUNK
+from hopdiff.export.mapping import few
 from hopdiff.export.planting import Sole, foot_points, planted
 from hopdiff.export.prepare import with_way_on_root
+from hopdiff.export.skin_check import SkinCheck, check_skin
 from hopdiff.export.take import Take
-from hopdiff.export.target import TRUNK, Target, body_of, read_target, target_of
+from hopdiff.export.target import Target, body_of, target_of
+from hopdiff.export.target_file import read_target
 from hopdiff.feet.contacts import spans
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.rotation import axis_rotation, between_directions
 from hopdiff.io.bvh import BvhFile
 from hopdiff.io.files import write_whole
-from hopdiff.io.glb_file import GlbFile
+from hopdiff.io.glb_file import Animation, GlbFile
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
 
@@ -220,23 +225,45 @@ def _ground(take: Take, source: Target) -> float:
     return float(torch.stack(heights).median())
 
 
-def write_retargeted(path: str | os.PathLike[str], take: Take, target: Target) -> None:
-    """Write a take that `retargeted` made into the target's own file; it appears whole or not at all.
+def write_retargeted(path: str | os.PathLike[str], takes: Sequence[Take], target: Target) -> list[SkinCheck]:
+    """Write takes that `retargeted` made into the target's own file; it appears whole or not at all.
 
-    A BVH file keeps its names, offsets, channels, unit and axes and has the new motion in place of its own; a GLB file
-    keeps all that it has and gets one more animation. Raises HopdiffError if the file's suffix is another, a joint
-    lacks a channel that the motion needs, or the file cannot be written.
+    A BVH file keeps its names, offsets, channels, unit and axes and has the new motion, only one, in place of its own;
+    a GLB file keeps all that it has and gets one more animation for each take. Returns how the skin of a GLB file
+    follows each, where it can be read. Raises HopdiffError if the file's suffix is another, a joint lacks a channel that the motion needs, the skin of a GLB file would tear, or the file cannot be
+    written.
     """
     if Path(path).suffix.lower() != target.suffix:
         raise HopdiffError(f"{path}: a motion on {target.name} is written into a {target.suffix} file.")
-    clip = take.clip
     match target.file:
         case BvhFile() as file:
+            if len(takes) != 1:
+                raise HopdiffError(f"cannot write {len(takes)} motions into {path}: a BVH file holds one.")
+            clip = takes[0].clip
             width = sum(len(joint.channels) for joint in file.joints)
             values = file.values[:1] if file.frames else torch.zeros(1, width, dtype=torch.float64)
             replace(file, values=values, frame_time=clip.frame_time).with_motion(clip).write(path)
+            return []
         case GlbFile() as file:
-            times = clip.frame_time * torch.arange(clip.frames, dtype=torch.float64)
-            write_whole(path, file.with_animation(take.name, times, clip.root_position, clip.rotations, clip.offsets))
+            data = file.with_animations([_animation(take, file) for take in takes])
+            checks = check_skin(data, takes, target)
+            for take, check in zip(takes, checks, strict=False):
+                if check.torn:
+                    where = few(check.behind) if check.behind else " and ".join(map(repr, check.between))
+                    raise HopdiffError(
+                        f"{target.name}: {take.name} would tear its skin at {where}, which does not follow the body;"
+                        " name the parts in a file and give it as retarget.names, or bind the skin to other joints."
+                    )
+            write_whole(path, data)
+            return checks
         case _:
             raise HopdiffError(f"cannot write {path}: {target.name} comes from no file.")
+
+
+def _animation(take: Take, file: GlbFile) -> Animation:
+    """A take as the joints of a file move in the world."""
+    clip = take.clip
+    order = [clip.skeleton.index(name) for name in file.names]
+    places, turns = clip.forward()
+    times = clip.frame_time * torch.arange(clip.frames, dtype=torch.float64)
+    return Animation(take.name, times, places[:, order], turns[:, order])

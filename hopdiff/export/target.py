@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,24 +16,18 @@ from torch import Tensor
 
 from hopdiff.editing.leg_joints import SIDES, Leg
 from hopdiff.export.anatomy import SCHEMES, parts_of
+from hopdiff.export.hanging import CHAINS, REQUIRED
 from hopdiff.export.mapping import MappingReport, few
+from hopdiff.export.skin import Skin, SkinSole, skin_sole
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
-from hopdiff.io.bvh import BvhFile, read_bvh
+from hopdiff.io.bvh import BvhFile
 from hopdiff.io.files import read_text
-from hopdiff.io.glb_file import GlbFile, read_glb
+from hopdiff.io.glb_file import GlbFile
 from hopdiff.messages import near
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
 
-TRUNK = ("waist", "chest", "upper_chest")
-# Parts of which each hangs on the one before, whatever lies between.
-CHAINS = (
-    ("pelvis", *TRUNK, "neck", "head"),
-    *(("pelvis", *(f"{side}_{part}" for part in ("collar", "shoulder", "elbow", "wrist"))) for side in SIDES),
-    *(("pelvis", *(f"{side}_{part}" for part in ("hip", "knee", "ankle", "toe"))) for side in SIDES),
-)
-REQUIRED = ("pelvis", *(f"{side}_{part}" for side in SIDES for part in ("hip", "knee")))
 UPRIGHT = 0.6  # of its length by which a leg must hang down for a body to stand
 NEAR_GROUND = 0.12  # of a leg's length up to which a foot's lowest joint may be above the sole
 
@@ -43,13 +36,16 @@ NEAR_GROUND = 0.12  # of a leg's length up to which a foot's lowest joint may be
 class Target:
     """A body. name: for errors. parts: of the body, by the names of `full_body`, -> joint. rest: (J, 3, 3) the joints'
     orientations in the pose in which it stands upright, and every sole is level: the skeleton's own rest pose, or the
-    first frame of its file where that is a heap of bones. file: where it comes from."""
+    first frame of its file where that is a heap of bones. file: where it comes from, of GLB files in the pose of the
+    skeleton. skin: of that file. notes: what people should know about it."""
 
     name: str
     skeleton: Skeleton
     parts: Mapping[str, int]
     rest: Tensor
     file: BvhFile | GlbFile | None = None
+    skin: Skin | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def suffix(self) -> str:
@@ -92,6 +88,8 @@ class Target:
         """How far the sole is below the ankle in the rest pose, or below the end of the shank [m]."""
         if leg.ankle is None:
             return 0.0
+        if (sole := self.sole(leg)) is not None:
+            return sole.depth
         below = [k for k in range(len(self.places)) if k == leg.ankle or leg.ankle in self.skeleton.above(k)]
         heights = [float(self.places[k, 1]) for k in below]
         heights += [float(self.places[k, 1] + end[1]) for k in below if (end := self.end_of(k)) is not None]
@@ -99,6 +97,34 @@ class Target:
         # A body that stands on y = 0 shows where its soles are; otherwise they are at the lowest joint of the foot.
         floor = 0.0 if 0.0 <= lowest < NEAR_GROUND * float(thigh) else lowest
         return float(self.places[leg.ankle, 1]) - floor
+
+    def sole(self, leg: Leg) -> SkinSole | None:
+        """What its skin shows of a foot; None without one."""
+        return self._soles.get(leg.side)
+
+    @cached_property
+    def _soles(self) -> dict[str, SkinSole]:
+        found: dict[str, SkinSole] = {}
+        for leg in self.legs:
+            if self.skin is not None and leg.ankle is not None:
+                sole = skin_sole(self.skin, self.skeleton, self.places, leg.ankle, leg.toe, self.bones(leg))
+                found |= {} if sole is None else {leg.side: sole}
+        return found if len(found) == len(SIDES) else {}
+
+    def upright(self) -> float:
+        """How straight it stands, at most 1: the worst of the cosines of legs, hips and trunk with where they should
+        point."""
+        hips = self.places[[leg.hip for leg in self.legs]]
+        across = hips[0] - hips[1]
+        found = [1.0 - abs(float(across[1])) / max(float(across.norm()), 1e-9)]
+        for leg in self.legs:
+            line = self.places[leg.knee] + self.shank(leg) - self.places[leg.hip]
+            found.append(-float(line[1]) / self.bones(leg))
+        tops = [part for part in ("head", "neck", "left_shoulder", "upper_chest") if part in self.parts]
+        if tops:
+            up = self.places[self.parts[tops[0]]] - hips.mean(dim=0)
+            found.append(float(up[1]) / max(float(up.norm()), 1e-9))
+        return min(found)
 
     def standing(self) -> float:
         """Length of the stretched legs from hip to sole [m]."""
@@ -122,25 +148,6 @@ class Target:
     def _above(self) -> Tensor:
         straight = torch.eye(3, dtype=torch.float64)
         return torch.stack([self.rest[p] if p >= 0 else straight for p in self.skeleton.parents])
-
-
-def read_target(path: str | os.PathLike[str], names: str = "auto") -> Target:
-    """The body in a BVH or GLB file.
-
-    names: how its joints are called: auto, a name of SCHEMES, or a YAML file with lines part: joint name.
-    Raises HopdiffError, naming file and joint, if it cannot be read, lacks a leg, or does not stand upright.
-    """
-    file: BvhFile | GlbFile
-    match Path(path).suffix.lower():
-        case ".bvh":
-            file = read_bvh(path)
-            pose = file.clip().rotations[0] if file.frames else None
-        case ".glb":
-            file, pose = read_glb(path), None
-        case _:
-            raise HopdiffError(f"{path}: a skeleton is read from a .bvh or a .glb file.")
-    skeleton = file.skeleton()
-    return target_of(str(path), skeleton, named_parts(skeleton, names, str(path)), pose, file)
 
 
 def target_of(

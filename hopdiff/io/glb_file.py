@@ -11,7 +11,8 @@ import json
 import os
 import struct
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +20,28 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hopdiff.geometry.quaternion import quaternions
+from hopdiff.geometry.quaternion import from_quaternions, quaternions
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.glb_parse import BIN, JSON, Matrix, ParsedGlb, parse_glb
+from hopdiff.io.glb_rest import turn_of
 from hopdiff.types import HopdiffError
 
 FLOAT = 5126  # component type of glTF
 STILL = 1e-6  # m by which a joint may move against its parent and still stay
+STOOD = 1e-6  # of its size by which a joint may be off its node and still be as that is
+Keys = dict[int, Matrix]
+
+
+@dataclass(frozen=True, eq=False)
+class Animation:
+    """A motion of a file's joints. times: (T,) from 0 on [s]. places: (T, J, 3) in the world [m]. turns: (T, J, 3, 3)
+    of the joints since the pose of `skeleton`, in the world. extras: told with it."""
+
+    name: str
+    times: Tensor
+    places: Tensor
+    turns: Tensor
+    extras: Mapping[str, Any] = field(default_factory=dict)
 
 
 class GlbFile(ParsedGlb):
@@ -48,53 +64,80 @@ class GlbFile(ParsedGlb):
         return tuple(names)
 
     def skeleton(self) -> Skeleton:
-        """The joints at rest in metres. Their frames are aligned with the world's axes in the rest pose, whatever the
-        file's own are; the root's offset is its place in the world."""
+        """The joints in metres as their nodes stand. Their frames are aligned with the world's axes in this pose,
+        whatever the file's own are; the root's offset is its place in the world."""
         places = torch.from_numpy(self.matrices[:, :3, 3].copy())
         offsets = torch.stack([places[k] - (places[p] if p >= 0 else 0.0) for k, p in enumerate(self.parents)])
         names = self.names
         ends = {names[k]: torch.from_numpy(end[:3, 3].copy()) - places[k] for k, end in self.ends.items()}
         return Skeleton(names, self.parents, offsets, ends)
 
-    def with_animation(
-        self, name: str, times: Tensor, root_position: Tensor, rotations: Tensor, offsets: Tensor | None = None
-    ) -> bytes:
-        """The same file with one more animation; all that was in it stays.
+    def in_pose(self, matrices: Matrix) -> GlbFile:
+        """The same with joints (J, 4, 4) in the world that stand otherwise: see `rest_poses`. What is written into it
+        starts from this pose; nodes in the file stay as they are."""
+        ends = {
+            k: matrices[k] @ np.linalg.pinv(self.matrices[k]) @ end for k, end in self.ends.items()
+        }  # they hang on their joint as they did
+        return self._replace(matrices=matrices, ends=ends)
 
-        name: of the animation; made different from those in the file. times: (T,) from 0 on [s]. root_position: (T, 3)
-        of the first joint in the world [m]. rotations: (T, J, 3, 3) of the joints of `skeleton`, each in its parent's
-        frame. offsets: (T, J, 3) of joints that move against their parents [m]; those of the root count for nothing.
-        Keys are linear. Raises HopdiffError without frames, for numbers that are not finite, or a file of more
-        than 4 GiB.
+    def with_animations(self, motions: Sequence[Animation]) -> bytes:
+        """The same file with more animations; all that was in it stays.
+
+        Keys are linear, at the animations' own times; joints turn, and those that move against their parents, or stand
+        elsewhere than their nodes, have places, too. Raises HopdiffError without frames, for numbers that are not
+        finite, or a file of more than 4 GiB.
         """
-        if len(times) == 0 or not all(bool(torch.isfinite(x).all()) for x in (times, root_position, rotations)):
-            raise HopdiffError(
-                f"cannot write {name!r} into {self.path}: it has no frames, or numbers that are not finite."
-            )
-        rest = torch.from_numpy(np.stack([_rotation(matrix) for matrix in self.matrices]))
-        over = torch.stack([rest[p] if p >= 0 else torch.from_numpy(_rotation(self.above)) for p in self.parents])
-        turns = quaternions(over.transpose(-1, -2) @ rotations.detach().double().cpu() @ rest).numpy()
-        back = np.linalg.inv(self.above)
-        way = root_position.detach().double().cpu().numpy() @ back[:3, :3].T + back[:3, 3]
         writer = _Writer(self)
         for node in self.nodes:
             writer.plain_node(node)
-        moved = {self.nodes[0]: way}
-        if offsets is not None:
-            for joint, own in enumerate(offsets.detach().double().cpu().numpy().swapaxes(0, 1)):
-                if joint > 0 and np.ptp(own, axis=0).max() > STILL:
-                    moved[self.nodes[joint]] = own @ np.linalg.inv(self.matrices[self.parents[joint], :3, :3]).T
-        writer.animate(
-            name, times.detach().double().cpu().numpy(), moved, dict(zip(self.nodes, turns.swapaxes(0, 1), strict=True))
-        )
+        for motion in motions:
+            if len(motion.times) == 0 or not all(
+                bool(torch.isfinite(values).all()) for values in (motion.times, motion.places, motion.turns)
+            ):
+                raise HopdiffError(
+                    f"cannot write {motion.name!r} into {self.path}: it has no frames, or numbers that are not finite."
+                )
+            writer.animate(motion, *self._channels(motion, writer.content["nodes"]))
         return writer.bytes()
+
+    def _channels(self, motion: Animation, nodes: list[dict[str, Any]]) -> tuple[Keys, Keys, Keys]:
+        """Places (T, 3), turns (T, 4) and sizes (T, 3) by node, each against its parent. nodes: without matrices."""
+        places, turned = (values.detach().double().cpu().numpy() for values in (motion.places, motion.turns))
+        moved, turns, sizes = Keys(), Keys(), Keys()
+        for k, (node, parent) in enumerate(zip(self.nodes, self.parents, strict=True)):
+            own = nodes[node]
+            place, turn, size = _parts(own)
+            over = self.matrices[parent] if parent >= 0 else self.above
+            if parent in self.uneven:
+                # It stays against what stretches or flattens it.
+                turns[node] = np.tile(turn, (len(places), 1))
+                continue
+            back, sign = np.linalg.inv(over[:3, :3]), np.where(size < 0.0, -1.0, 1.0)
+            stand = back @ self.matrices[k, :3, :3] * sign
+            lengths = np.linalg.norm(stand, axis=0)
+            if np.abs(stand - _matrix(turn) * np.abs(size)).max() > STOOD * lengths.max():
+                turn = quaternions(torch.from_numpy(turn_of(stand / lengths))[None])[0].numpy()
+                if np.abs(lengths - np.abs(size)).max() > STOOD * lengths.max():
+                    sizes[node] = np.tile(sign * lengths, (len(places), 1))
+            frame = turn_of(over)
+            above = turned[:, parent] if parent >= 0 else np.eye(3)[None]
+            change = frame.T @ (np.swapaxes(above, -1, -2) @ turned[:, k]) @ frame @ _matrix(turn)
+            turns[node] = quaternions(torch.from_numpy(np.ascontiguousarray(change))).numpy()
+            if parent < 0:
+                moved[node] = (places[:, k] - over[:3, 3]) @ back.T
+                continue
+            line = (np.swapaxes(above, -1, -2) @ (places[:, k] - places[:, parent])[..., None])[..., 0] @ back.T
+            reach = STILL / max(float(np.cbrt(abs(np.linalg.det(over[:3, :3])))), 1e-12)
+            if max(np.ptp(line, axis=0).max(), np.abs(line - place).max()) > reach:
+                moved[node] = line
+        return moved, turns, sizes
 
 
 def read_glb(path: str | os.PathLike[str]) -> GlbFile:
     """Read a GLB file with a skin.
 
     Raises HopdiffError, naming the file, where it cannot be read, is no whole GLB file of version 2, keeps its data in
-    other files, has no skin with joints, or joints of uneven scale.
+    other files, has no skin with joints, or is scaled unevenly above all joints.
     """
     try:
         data = Path(path).read_bytes()
@@ -103,11 +146,20 @@ def read_glb(path: str | os.PathLike[str]) -> GlbFile:
     return GlbFile(*parse_glb(data, str(path)))
 
 
-def _rotation(matrix: Matrix) -> Matrix:
-    """(3, 3) the turn in a matrix (4, 4)."""
-    left, _, right = np.linalg.svd(matrix[:3, :3])
-    found: Matrix = left @ right
+def _matrix(turn: Matrix) -> Matrix:
+    """(3, 3) of a unit quaternion x y z w."""
+    found: Matrix = from_quaternions(torch.from_numpy(turn)).numpy()
     return found
+
+
+def _parts(node: Mapping[str, Any]) -> tuple[Matrix, Matrix, Matrix]:
+    """Place (3,), turn (4,) and size (3,) of a node without a matrix."""
+    turn = np.array(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), dtype=np.float64)
+    place, size = (
+        np.array(node.get(name, default), dtype=np.float64)
+        for name, default in (("translation", np.zeros(3)), ("scale", np.ones(3)))
+    )
+    return place, turn / np.linalg.norm(turn), size
 
 
 class _Writer:
@@ -134,27 +186,35 @@ class _Writer:
         if "matrix" not in node:
             return
         matrix = np.array(node.pop("matrix"), dtype=np.float64).reshape(4, 4).T
-        turn = torch.from_numpy(_rotation(matrix))
+        size = np.linalg.norm(matrix[:3, :3], axis=0)
+        if np.linalg.det(matrix[:3, :3]) < 0.0:
+            size[0] *= -1.0  # a mirror image
+        turn = turn_of(matrix[:3, :3] * np.sign(size))
         node["translation"] = matrix[:3, 3].tolist()
-        node["rotation"] = quaternions(turn[None])[0].tolist()
-        node["scale"] = np.linalg.norm(matrix[:3, :3], axis=0).tolist()
+        node["rotation"] = quaternions(torch.from_numpy(turn)[None])[0].tolist()
+        node["scale"] = size.tolist()
 
-    def animate(self, name: str, times: Matrix, moved: Mapping[int, Matrix], turns: Mapping[int, Matrix]) -> None:
-        """times: (T,) [s]. By node, in its parent's frame: moved, (T, 3) places; turns, (T, 4) x y z w."""
+    def animate(self, motion: Animation, moved: Keys, turns: Keys, sizes: Keys) -> None:
+        """Keys by node, each in its parent's frame."""
         animations = self.content.setdefault("animations", [])
         taken = {str(animation.get("name")) for animation in animations}
-        new, number = name, 1
+        new, number = motion.name, 1
         while new in taken:
             number += 1
-            new = f"{name}_{number}"
-        keys = self.add(times[:, None], bounds=True)
+            new = f"{motion.name}_{number}"
+        times = motion.times.detach().double().cpu().numpy()
+        whole = self.add(times[:, None], bounds=True)
+        ends = self.add(times[[0, -1], None], bounds=True) if len(times) > 1 else whole
         samplers: list[dict[str, Any]] = []
         channels: list[dict[str, Any]] = []
-        for path, values in (("translation", moved), ("rotation", turns)):
-            for node, own in values.items():
+        for path, keys in (("translation", moved), ("rotation", turns), ("scale", sizes)):
+            for node, own in keys.items():
+                still = len(times) > 1 and float(np.ptp(own, axis=0).max()) < STOOD * max(float(np.abs(own).max()), 1.0)
                 channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
-                samplers.append({"input": keys, "output": self.add(own), "interpolation": "LINEAR"})
-        animations.append({"name": new, "channels": channels, "samplers": samplers})
+                output = self.add(own[[0, -1]] if still else own)
+                samplers.append({"input": ends if still else whole, "output": output, "interpolation": "LINEAR"})
+        entry: dict[str, Any] = {"name": new, "channels": channels, "samplers": samplers}
+        animations.append(entry | ({"extras": dict(motion.extras)} if motion.extras else {}))
 
     def add(self, values: Matrix, bounds: bool = False) -> int:
         """Put values (T, width) into the data; returns their accessor."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import math
 import struct
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdiff.io.glb_accessors import COMPRESSED, Accessors
 from hopdiff.types import HopdiffError
 
 Matrix = NDArray[np.float64]
@@ -20,13 +21,24 @@ LONGEST = 1e6  # of any number in a node: what is larger is no place in a charac
 JSON, BIN = 0x4E4F534A, 0x004E4942  # kinds of chunks
 
 
+class GlbSkin(NamedTuple):
+    """A skin of the skeleton. number: in the file. joints: (N) of the skeleton. inverse: (N, 4, 4) what takes its mesh
+    into the frames of its joints, None where that cannot be read."""
+
+    number: int
+    joints: tuple[int, ...]
+    inverse: Matrix | None
+
+
 class ParsedGlb(NamedTuple):
-    """A GLB file. Of several skins the one with the most joints counts, of these the first.
+    """A GLB file. Of several skins the one with the most joints counts, of these the first, with all that share joints
+    with it or hang on the same root.
 
     path: where it was read. content: its JSON. chunks: (kind, bytes) that follow it, in their order.
-    nodes: J of them, parents first: the skin's joints, and what lies between them. parents: (J) indices among these.
-    above: (4, 4) what takes the parent of the first node into the world. matrices: (J, 4, 4) nodes into the world at
-    rest. ends: nodes (4, 4) at the end of a joint, by joint.
+    nodes: J of them, parents first: the skins' joints, and what lies between them. parents: (J) indices among these.
+    above: (4, 4) what takes the parent of the first node into the world. matrices: (J, 4, 4) nodes into the world as
+    they stand in the file. ends: nodes (4, 4) at the end of a joint, by joint. skins: of this skeleton, the one that
+    counts first. uneven: joints (J) whose scale is not the same along all axes, their own or from above.
     """
 
     path: str
@@ -37,6 +49,8 @@ class ParsedGlb(NamedTuple):
     above: Matrix
     matrices: Matrix
     ends: dict[int, Matrix]
+    skins: tuple[GlbSkin, ...]
+    uneven: tuple[int, ...]
 
 
 def parse_glb(data: bytes, path: str) -> ParsedGlb:
@@ -91,23 +105,35 @@ class _Reader:
     def parsed(self, chunks: Chunks) -> ParsedGlb:
         self.check_buffers(chunks)
         self.tables("animations")
-        joints = self.joints()
+        skins = self.skins()
         self.find_parents()
-        order, parents = self.tree(joints)
+        order, parents = self.tree(skins)
         above = np.eye(4)
         for node in reversed(self.over(order[0])):
             above = above @ self.matrix(node)
-        self.even(above, self.parent.get(order[0], order[0]))
-        matrices = np.empty((len(order), 4, 4))
+        if not self.is_even(above, self.parent.get(order[0], order[0])):
+            name = self.nodes[self.parent[order[0]]].get("name", self.parent[order[0]])
+            raise self.fail(f"node {name!r}, above all joints, is scaled unevenly or sheared; apply its scale first")
+        matrices, uneven = np.empty((len(order), 4, 4)), list[int]()
         for k, (node, parent) in enumerate(zip(order, parents, strict=True)):
             matrices[k] = (matrices[parent] if parent >= 0 else above) @ self.matrix(node)
-            self.even(matrices[k], node)
+            if not self.is_even(matrices[k], node):
+                uneven.append(k)
         ends = {}
         for k, node in enumerate(order):
             free = [child for child in self.children(node) if "mesh" not in self.nodes[child]]
             if k not in parents and free:
                 ends[k] = matrices[k] @ self.matrix(free[0])
-        return ParsedGlb(self.path, self.content, chunks, order, parents, above, matrices, ends)
+        at = {node: k for k, node in enumerate(order)}
+        accessors = Accessors(self.content, chunks[0][1] if chunks and chunks[0][0] == BIN else None)
+        own = [
+            GlbSkin(index, tuple(at[node] for node in joints), self.inverse(index, len(joints), accessors))
+            for index, joints in skins.items()
+            if set(joints) <= set(at)
+        ]
+        return ParsedGlb(
+            self.path, self.content, chunks, order, parents, above, matrices, ends, tuple(own), tuple(uneven)
+        )
 
     def fail(self, what: str) -> HopdiffError:
         return HopdiffError(f"{self.path}: {what}.")
@@ -129,6 +155,9 @@ class _Reader:
             uri = buffer.get("uri")
             size = self.index(buffer.get("byteLength"), 2**32, f"the length of buffer {k},")
             if uri is None:
+                marks = buffer.get("extensions") or {}
+                if isinstance(marks, dict) and any((marks.get(name) or {}).get("fallback") for name in COMPRESSED):
+                    continue  # readers that can unpack the other buffer do not need it
                 own = len(chunks[0][1]) if k == 0 and chunks and chunks[0][0] == BIN else -1
                 if size > own:
                     raise self.fail(f"it lacks the data of buffer {k}")
@@ -140,20 +169,32 @@ class _Reader:
             if "bufferView" in accessor:
                 self.index(accessor["bufferView"], len(views), "buffer view")
 
-    def joints(self) -> list[int]:
+    def skins(self) -> dict[int, list[int]]:
+        """The joints of every skin by its index, the one with the most joints first."""
         skins = self.tables("skins")
         if not skins:
             raise self.fail("it has no skin, so that there is no skeleton to move")
-        found: list[int] = []
-        for skin in skins:
+        found: dict[int, list[int]] = {}
+        for index, skin in enumerate(skins):
             joints = skin.get("joints")
             if not isinstance(joints, list) or not joints:
                 raise self.fail("it has a skin without joints")
-            own = [self.index(joint, len(self.nodes), "node") for joint in joints]
+            found[index] = [self.index(joint, len(self.nodes), "node") for joint in joints]
             if "inverseBindMatrices" in skin:
                 self.index(skin["inverseBindMatrices"], len(self.tables("accessors")), "accessor")
-            found = own if len(own) > len(found) else found
-        return found
+        return dict(sorted(found.items(), key=lambda one: -len(one[1])))
+
+    def inverse(self, index: int, count: int, accessors: Accessors) -> Matrix | None:
+        """(count, 4, 4) inverse bind matrices of a skin; without them the mesh is in the joints' own frames."""
+        skin = self.tables("skins")[index]
+        if "inverseBindMatrices" not in skin:
+            return np.tile(np.eye(4), (count, 1, 1))
+        values = accessors.values(skin["inverseBindMatrices"])
+        if values is None or values.shape[1] != 16 or len(values) < count:
+            return None
+        found: Matrix = values[:count].reshape(-1, 4, 4).swapaxes(1, 2)
+        sound = np.abs(np.linalg.det(found[:, :3, :3])).min() > 1e-18
+        return found if sound else None
 
     def children(self, node: int) -> list[int]:
         found = self.nodes[node].get("children", [])
@@ -177,13 +218,20 @@ class _Reader:
                 raise self.fail("its nodes go round in a circle")
         return found
 
-    def tree(self, joints: list[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    def tree(self, skins: Mapping[int, Sequence[int]]) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Joints and what lies between them, parents first, and the index of each one's parent."""
-        lines = [[node, *self.over(node)] for node in joints]
-        shared = set(lines[0]).intersection(*lines[1:])
-        if not shared:
+        own, *others = (set(joints) for joints in skins.values())
+        while shared := [joints for joints in others if joints & own and not joints <= own]:
+            own = own.union(*shared)
+        lines = [[node, *self.over(node)] for node in sorted(own)]
+        common = set(lines[0]).intersection(*lines[1:])
+        if not common:
             raise self.fail("the joints of its skin hang on no node together")
-        root = next(node for node in lines[0] if node in shared)
+        root = next(node for node in lines[0] if node in common)
+        for joints in others:
+            more = [[node, *self.over(node)] for node in joints]
+            if all(root in line for line in more):
+                lines += more
         wanted = {node for line in lines for node in line[: line.index(root) + 1]}
         order, waiting = [], [root]
         while waiting:
@@ -222,11 +270,10 @@ class _Reader:
             raise self.fail(f"the {name} of node {node} is not {len(default)} sensible numbers")
         return np.array(values, dtype=np.float64)
 
-    def even(self, matrix: Matrix, node: int) -> None:
-        """See that a matrix turns, moves and scales, and nothing else."""
+    def is_even(self, matrix: Matrix, node: int) -> bool:
+        """Whether a matrix turns, mirrors, moves and scales, and nothing else."""
+        if not np.isfinite(matrix).all() or np.abs(matrix[3] - [0, 0, 0, 1]).max() > 1e-6:
+            raise self.fail(f"the matrix of node {self.nodes[node].get('name', node)!r} is none of a place and a turn")
         product = matrix[:3, :3].T @ matrix[:3, :3]
         square = float(np.trace(product)) / 3.0
-        ill = not math.isfinite(square) or square < 1e-16 or np.abs(matrix[3] - [0, 0, 0, 1]).max() > 1e-6
-        if ill or np.abs(product / square - np.eye(3)).max() > 2 * UNEVEN or np.linalg.det(matrix[:3, :3]) < 0.0:
-            name = self.nodes[node].get("name", node)
-            raise self.fail(f"node {name!r} is sheared, mirrored or scaled unevenly; apply its scale before export")
+        return square > 1e-16 and bool(np.abs(product / square - np.eye(3)).max() <= 2 * UNEVEN)

@@ -10,6 +10,7 @@ from typing import Any
 from hopdiff.export.mapping import NAMES_FILE
 from hopdiff.export.request import Exports
 from hopdiff.export.retarget import retargeted, write_retargeted
+from hopdiff.export.skin_check import SkinCheck
 from hopdiff.export.tables import read_npz
 from hopdiff.export.take import Take
 from hopdiff.export.write import distinct, plain, write_exports
@@ -36,6 +37,14 @@ class ExportTask:
     runs: str | None
 
 
+@dataclass(frozen=True)
+class Written:
+    """files: that were written, each with the first motion in it. checks: of the skin of another body, by motion."""
+
+    files: Sequence[tuple[Path, Take]]
+    checks: Sequence[SkinCheck]
+
+
 def build(call: Call) -> Work:
     """Read the motions. Raises HopdiffError for what cannot be read, or where nothing is asked for."""
     sources = sources_of(call.own.run, call.own.runs)
@@ -44,11 +53,11 @@ def build(call: Call) -> Work:
     takes = distinct([read_take(source) for source in sources])
 
     def work(folder: RunFolder) -> None:
-        written = _rows(write_all(takes, call.exports, folder.path))
+        written = write_all(takes, call.exports, folder.path)
         notes = [f"{take.name}: {note}" for take in takes for note in take.notes]
         folder.notes = [Note("clip", note) for note in notes]
         told = [("note", note) for note in notes]
-        rows = [("motions", _motions(takes)), *written, *told, *_mapped(folder, call.exports)]
+        rows = [("motions", _motions(takes)), *_rows(written.files), *told, *_mapped(folder, call.exports, written)]
         rows.append(("files", shown(folder.path)))
         say("\n".join(f"{name:<9} {text}" for name, text in rows))
 
@@ -100,43 +109,52 @@ def sources_of(run: Any, runs: str | None) -> list[Path]:
 
 def export_result(folder: RunFolder, exports: Exports) -> None:
     """Write the motion of a run folder that was just made into that folder."""
-    rows = _rows(write_all([read_take(folder.path)], exports, folder.path)) + _mapped(folder, exports)
+    written = write_all([read_take(folder.path)], exports, folder.path)
+    rows = _rows(written.files) + _mapped(folder, exports, written)
     say("\n".join(f"{name:<9} {text}" for name, text in rows))
 
 
-def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> list[tuple[Path, Take]]:
-    """Write takes in all wanted forms; returns the files, each with the first motion in it.
+def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> Written:
+    """Write takes in all wanted forms.
 
     Raises HopdiffError for what a motion does not allow, or a file that cannot be written.
     """
     written: list[tuple[Path, Take]] = []
+    checks: list[SkinCheck] = []
     if exports.target is not None:
         takes = [retargeted(take, exports.target) for take in takes]
-        for take in takes:
-            name = "retargeted" if len(takes) == 1 else f"retargeted_{plain(take.name)}"
-            path = folder / f"{name}{exports.target.suffix}"
-            write_retargeted(path, take, exports.target)
-            written.append((path, take))
-    return written + write_exports(takes, exports.files, folder)
+        suffix = exports.target.suffix
+        lots = [("retargeted", takes)] if suffix == ".glb" or len(takes) == 1 else []
+        for name, lot in lots or [(f"retargeted_{plain(take.name)}", [take]) for take in takes]:
+            path = folder / f"{name}{suffix}"
+            checks += write_retargeted(path, lot, exports.target)
+            written.append((path, lot[0]))
+    return Written(written + write_exports(takes, exports.files, folder), checks)
 
 
-def _mapped(folder: RunFolder, exports: Exports) -> list[tuple[str, str]]:
-    """Lines for people on the parts that were found on another body. The same goes into the metrics of a run, or a file
-    of its own where there are none; parts that were not found may be filled in in a third."""
+def _mapped(folder: RunFolder, exports: Exports, written: Written) -> list[tuple[str, str]]:
+    """Lines for people on the parts that were found on another body, and on its skin. The same goes into the metrics of
+    a run, or a file of its own where there are none; parts that were not found may be filled in in a third."""
     if exports.target is None:
         return []
-    report = exports.target.report()
+    report, name = exports.target.report(), Path(exports.target.name).name
+    worst = max(written.checks, key=lambda check: check.stretch, default=None)
+    numbers = {**report.numbers(), "notes": list(exports.target.notes), "skin": worst.numbers() if worst else None}
     metrics = folder.path / "metrics.json"
     if metrics.is_file():
-        write_json(metrics, {**read_json(metrics), "retarget": report.numbers()})
+        write_json(metrics, {**read_json(metrics), "retarget": numbers})
     else:
-        write_json(folder.path / "retarget.json", report.numbers())
+        write_json(folder.path / "retarget.json", numbers)
     if report.missing:
         write_whole(folder.path / NAMES_FILE, report.names_file())
-    rows, warning = [("body", report.sentence())], report.warning()
-    if warning is not None:
-        folder.notes.append(Note("retarget", warning))
-        rows.append(("note", warning))
+    rows = [("body", report.sentence())]
+    rows += [("skin", worst.sentence())] if worst else []
+    told = [report.warning(), *exports.target.notes]
+    told += dict.fromkeys(warning for check in written.checks for warning in check.warnings(name))
+    for sentence in told:
+        if sentence is not None:
+            folder.notes.append(Note("retarget", sentence))
+            rows.append(("note", sentence))
     return rows
 
 

@@ -109,7 +109,7 @@ def test_a_rig_with_frames_of_its_own_gets_the_motion_and_keeps_all_else(
     (tmp_path / "rig.glb").write_bytes(before)
     target = read_target(tmp_path / "rig.glb", "mixamo")
     take = retargeted(own(), target)
-    write_retargeted(tmp_path / "out.glb", take, target)
+    write_retargeted(tmp_path / "out.glb", [take], target)
     file, old = Gltf.of((tmp_path / "out.glb").read_bytes()), Gltf.of(before)
     places = take.clip.joint_positions().numpy()
     for frame in (0, 9, take.frames - 1):
@@ -131,7 +131,7 @@ def test_a_rig_with_frames_of_its_own_gets_the_motion_and_keeps_all_else(
         assert float(away[joint]) < (0.03 if "Leg" in name or "Foot" in name or "Toe" in name else 1e-4), name
     # Once more: both animations stay.
     again = read_target(tmp_path / "out.glb")
-    write_retargeted(tmp_path / "twice.glb", retargeted(own(), again), again)
+    write_retargeted(tmp_path / "twice.glb", [retargeted(own(), again)], again)
     clips = Gltf.of((tmp_path / "twice.glb").read_bytes()).content["animations"]
     assert [clip["name"] for clip in clips] == ["idle", "run", "run_2"]
 
@@ -148,7 +148,7 @@ def test_a_root_on_the_ground_carries_the_way(tmp_path: Path) -> None:
     (tmp_path / "hero.glb").write_bytes(armature(body))
     target = read_target(tmp_path / "hero.glb", "unreal_mannequin")
     take = retargeted(own(), target)
-    write_retargeted(tmp_path / "out.glb", take, target)
+    write_retargeted(tmp_path / "out.glb", [take], target)
     file, places = Gltf.of((tmp_path / "out.glb").read_bytes()), take.clip.joint_positions().numpy()
     for frame in (0, 13, take.frames - 1):
         found = file.places("run", frame * take.clip.frame_time)
@@ -171,7 +171,7 @@ def test_skeletons_of_people_in_their_own_files(tmp_path: Path, name: str) -> No
     target = read_target(path)
     take = retargeted(own(), target)
     assert drift(take) < 1e-3
-    write_retargeted(tmp_path / "out.bvh", take, target)
+    write_retargeted(tmp_path / "out.bvh", [take], target)
     before, after = read_bvh(path), read_bvh(tmp_path / "out.bvh")
     assert after.joints == before.joints
     torch.testing.assert_close(after.clip().joint_positions(), take.clip.joint_positions(), atol=1e-4, rtol=0)
@@ -263,9 +263,9 @@ def test_files_of_the_wrong_kind_are_not_written(tmp_path: Path) -> None:
     target = read_target(write_rest(tmp_path / "body.bvh", skeleton()))
     take = retargeted(own(), target)
     with pytest.raises(HopdiffError, match=r"is written into a \.bvh file"):
-        write_retargeted(tmp_path / "out.glb", take, target)
+        write_retargeted(tmp_path / "out.glb", [take], target)
     with pytest.raises(HopdiffError, match="cannot write"):
-        write_retargeted(tmp_path / "nowhere" / "out.bvh", take, target)
+        write_retargeted(tmp_path / "nowhere" / "out.bvh", [take], target)
     assert {path.name for path in tmp_path.iterdir()} == {"body.bvh"}
 
 
@@ -288,7 +288,7 @@ def test_a_body_below_a_root_without_channels_gets_the_motion_on_its_hips(tmp_pa
     (tmp_path / "below.bvh").write_text(below(plain.read_text(), ("Armature", "", "")))
     target = read_target(tmp_path / "below.bvh")
     take = retargeted(own(), target)
-    write_retargeted(tmp_path / "out.bvh", take, target)
+    write_retargeted(tmp_path / "out.bvh", [take], target)
     names, places, _ = simple_positions((tmp_path / "out.bvh").read_text())
     assert names[:2] == ["Armature", "mixamorig:Hips"]
     known = take.clip.joint_positions()
@@ -302,7 +302,7 @@ def test_written_and_read_again_in_every_axes(tmp_path: Path) -> None:
     path = write_rest(tmp_path / "body.bvh", skeleton("unreal_mannequin", "a"), 100.0, "z")
     target = read_target(path)
     take = retargeted(own(), target)
-    write_retargeted(tmp_path / "out.bvh", take, target)
+    write_retargeted(tmp_path / "out.bvh", [take], target)
     again = read_bvh(tmp_path / "out.bvh").clip()
     torch.testing.assert_close(again.joint_positions(), take.clip.joint_positions(), atol=1e-4, rtol=0)
     write_bvh(tmp_path / "plain.bvh", take.clip)

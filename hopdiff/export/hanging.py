@@ -1,0 +1,110 @@
+"""Joints that do not hang where anatomy says: feet that are children of the root for the sake of inverse kinematics,
+bones of a skin that were laid side by side, names that a leaf bone has, too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+import torch
+
+from hopdiff.export.skin import Skin
+from hopdiff.geometry.body_parts import rest_positions
+from hopdiff.geometry.joint_names import SIDES, named
+from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.types import HopdiffError
+from hopdiff.whole_body.skeleton import JOINTS
+
+TRUNK = ("waist", "chest", "upper_chest")
+# Parts of which each hangs on the one before, whatever lies between.
+CHAINS = (
+    ("pelvis", *TRUNK, "neck", "head"),
+    *(("pelvis", *(f"{side}_{part}" for part in ("collar", "shoulder", "elbow", "wrist"))) for side in SIDES),
+    *(("pelvis", *(f"{side}_{part}" for part in ("hip", "knee", "ankle", "toe"))) for side in SIDES),
+)
+REQUIRED = ("pelvis", *(f"{side}_{part}" for side in SIDES for part in ("hip", "knee")))
+ENDS = (("knee", "ankle"), ("ankle", "toe"), ("elbow", "wrist"))  # a part, and what may hang elsewhere
+NEAR = 0.35  # of the bone above it that an end may be from where a leaf marks it
+
+
+def loose_parts(skeleton: Skeleton, parts: Mapping[str, int], skin: Skin | None) -> dict[str, int]:
+    """Parts with those that hang elsewhere: by name alone where legs were not found, and ends that hold the skin in
+    place of leaves that hold nothing. skin: of the body, None if unknown."""
+    found = dict(parts)
+    if any(part not in found for part in REQUIRED):
+        found = {}
+        for part in JOINTS:
+            side, _, name = part.rpartition("_")
+            if part in TRUNK:
+                continue
+            of = named(skeleton.names, name or part, side if side in SIDES else None)
+            free = [joint for joint in of if joint not in found.values()]
+            if free:
+                found[part] = max(free[:4], key=lambda joint: 0.0 if skin is None else skin.everything(joint))
+        if any(part not in found for part in REQUIRED):
+            return dict(parts)
+    places = rest_positions(skeleton)
+    for side in SIDES:
+        for upper, lower in ENDS:
+            above, own = found.get(f"{side}_{upper}"), found.get(f"{side}_{lower}")
+            if above is None or (own is not None and not _is_leaf(skeleton, own, skin)):
+                continue
+            others = [k for k in named(skeleton.names, lower, side) if k not in found.values() and k != own]
+            others = [k for k in others if not _is_leaf(skeleton, k, skin)]
+            if own is not None:
+                reach = NEAR * float((places[own] - places[above]).norm())
+                others = [k for k in others if float((places[k] - places[own]).norm()) < reach]
+            if others:
+                found[f"{side}_{lower}"] = others[0]
+    return found
+
+
+def _is_leaf(skeleton: Skeleton, joint: int, skin: Skin | None) -> bool:
+    """Whether a joint holds no skin, and nothing that hangs on it does."""
+    below = [k for k in range(len(skeleton.names)) if joint in (k, *skeleton.above(k))]
+    return len(below) == 1 if skin is None else not skin.held_by(below).any()
+
+
+def rehung(name: str, skeleton: Skeleton, parts: Mapping[str, int], skin: Skin | None) -> Skeleton:
+    """The same joints at the same places, each part on the one that carries it, and what holds the skin on the body.
+
+    Joints may be in another order. Frames are aligned with the axes. Raises HopdiffError, naming joints, for a part
+    that carries the one it should hang on.
+    """
+    parents = list(skeleton.parents)
+
+    def above(joint: int) -> list[int]:
+        line = []
+        while (joint := parents[joint]) >= 0:
+            line.append(joint)
+        return line
+
+    for chain in CHAINS:
+        for upper, lower in pairwise(part for part in chain if part in parts):
+            one, other = parts[upper], parts[lower]
+            if one in above(other):
+                continue
+            if other in above(one):
+                ours, theirs = skeleton.names[other], skeleton.names[one]
+                raise HopdiffError(f"{name}: {theirs!r} ({upper}) hangs on {ours!r} ({lower}), which it should carry.")
+            parents[other] = one
+    places = rest_positions(skeleton) + skeleton.offsets[0]
+    if skin is not None and "pelvis" in parts:
+        pelvis = parts["pelvis"]
+        body = {k for k in range(len(parents)) if pelvis in (k, *above(k))}
+        for joint in range(len(parents)):
+            line = [joint, *above(joint)]
+            top = next((k for k in line if parents[k] in above(pelvis)), None)
+            if joint in body or joint in above(pelvis) or top is None or skin.everything(joint) == 0.0:
+                continue
+            shares = skin.shared(joint)
+            best = max(body, key=lambda k: (float(shares[k]), -float((places[k] - places[joint]).norm())))
+            parents[top] = best
+            body |= {k for k in range(len(parents)) if top in (k, *above(k))}
+    if tuple(parents) == skeleton.parents:
+        return skeleton
+    order = sorted(range(len(parents)), key=lambda k: (len(above(k)), k))
+    at = {old: new for new, old in enumerate(order)}
+    held = [at[parents[old]] if parents[old] >= 0 else -1 for old in order]
+    offsets = torch.stack([places[old] - (places[parents[old]] if parents[old] >= 0 else 0.0) for old in order])
+    return Skeleton(tuple(skeleton.names[old] for old in order), tuple(held), offsets, skeleton.end_sites)

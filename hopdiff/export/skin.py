@@ -1,0 +1,138 @@
+"""The skin of a body from a file: its vertices in the pose in which the body stands, and which of them are soles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.io.glb_mesh import SkinnedMesh
+
+FEW = 8  # vertices of a foot below which they tell no sole
+HELD = 0.5  # weight from which on a foot's joints hold a vertex
+DEEPEST = 0.6  # of a leg's length that a sole may be below the ankle
+PITCHES = np.deg2rad(np.arange(-75.0, 76.0, 15.0))  # of the ground against a sole, tip down below 0
+ROLLS = np.deg2rad((-20.0, 0.0, 20.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """vertices: (V, 3) at rest in the world [m]. weights: (V, J), of which each row adds up to 1. edges: (E, 2)."""
+
+    vertices: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    edges: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, meshes: tuple[SkinnedMesh, ...], matrices: NDArray[np.float64]) -> Skin | None:
+        """matrices: (J, 4, 4) of the joints at rest in the world. None without a vertex."""
+        vertices, weights, edges, count = [], [], [], 0
+        for mesh in meshes:
+            moved = matrices @ mesh.inverse
+            own = np.zeros((len(mesh.vertices), len(matrices)))
+            np.add.at(own, (np.arange(len(own))[:, None], mesh.joints), mesh.weights)
+            blend = (own @ moved[:, :3].reshape(-1, 12)).reshape(-1, 3, 4)
+            vertices.append((blend[:, :, :3] @ mesh.vertices[..., None])[..., 0] + blend[:, :, 3])
+            weights.append(own)
+            edges.append(mesh.edges + count)
+            count += len(own)
+        if not count:
+            return None
+        held = np.concatenate(weights)
+        return cls(np.concatenate(vertices), held, np.concatenate(edges))
+
+    def held_by(self, joints: list[int]) -> NDArray[np.float64]:
+        """(V,) the weight that joints have on every vertex."""
+        found: NDArray[np.float64] = self.weights[:, joints].sum(axis=1)
+        return found
+
+    def shared(self, joint: int) -> NDArray[np.float64]:
+        """(J,) how much of what a joint holds others hold, too, or lies on the same edges."""
+        own = self.weights[:, joint]
+        across = np.zeros_like(own)
+        for one, other in ((0, 1), (1, 0)):
+            np.maximum.at(across, self.edges[:, one], own[self.edges[:, other]])
+        found: NDArray[np.float64] = np.maximum(own, across) @ self.weights
+        found[joint] = 0.0
+        return found
+
+    def everything(self, joint: int) -> float:
+        """Of how many vertices' worth a joint holds the skin."""
+        return float(self.weights[:, joint].sum())
+
+
+@dataclass(frozen=True, eq=False)
+class SkinSole:
+    """The outermost vertices of a foot, from the ankle, and of its toes, from the toe joint, in the rest pose [m].
+
+    foot: (K, 3), toe: (M, 3), those that are lowest in some posture of the foot. depth: how far the lowest is below the
+    ankle. heel, tip: how far back and ahead of the ankle the sole goes, along `ahead` (3,), level.
+    """
+
+    foot: Tensor
+    toe: Tensor
+    depth: float
+    ahead: Tensor
+    heel: float
+    tip: float
+
+
+def skin_sole(
+    skin: Skin, skeleton: Skeleton, places: Tensor, ankle: int, toe: int | None, leg: float
+) -> SkinSole | None:
+    """The sole of a foot with its shoe. places: (J, 3) of the joints at rest. leg: its length [m].
+
+    None if the skin on these joints is none of a foot.
+    """
+
+    def below(joint: int) -> list[int]:
+        return [k for k in range(len(places)) if joint in (k, *skeleton.above(k))]
+
+    at = places.numpy()
+    toes = [] if toe is None else below(toe)
+    own, front = skin.held_by(below(ankle)), skin.held_by(toes)
+    here = own >= HELD
+    if here.sum() < FEW:
+        return None
+    points = skin.vertices[here] - at[ankle]
+    depth = -float(points[:, 1].min())
+    if not 0.0 < depth < DEEPEST * leg:
+        return None
+    low = points[points[:, 1] < -0.5 * depth]
+    flat = low[:, [0, 2]]
+    line = at[toe] - at[ankle] if toe is not None else None
+    ahead = flat.mean(axis=0) if line is None else line[[0, 2]]
+    if np.linalg.norm(ahead) < 1e-6:
+        return None
+    ahead = ahead / np.linalg.norm(ahead)
+    along = flat @ ahead
+    on_toe = front[here] > 0.5 * own[here]
+    facing = np.array((ahead[0], 0.0, ahead[1]))
+    foot = _outermost(points[~on_toe], facing)
+    tips = points[on_toe] - (at[toe] - at[ankle] if toe is not None else 0.0)
+    return SkinSole(
+        torch.from_numpy(foot),
+        torch.from_numpy(_outermost(tips, facing)),
+        depth,
+        torch.from_numpy(facing),
+        -float(along.min()),
+        float(along.max()),
+    )
+
+
+def _outermost(points: NDArray[np.float64], ahead: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K, 3) of points (V, 3) those that are lowest for some pitch and roll of the ground."""
+    if len(points) == 0:
+        return points
+    across, up = np.cross((0.0, 1.0, 0.0), ahead), np.array((0.0, 1.0, 0.0))
+    normals = [
+        np.cos(roll) * (np.cos(pitch) * up + np.sin(pitch) * ahead) + np.sin(roll) * across
+        for pitch in PITCHES
+        for roll in ROLLS
+    ]
+    found: NDArray[np.float64] = points[np.unique((points @ np.stack(normals).T).argmin(axis=0))]
+    return found

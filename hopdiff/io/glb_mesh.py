@@ -1,0 +1,150 @@
+"""The skinned meshes of a GLB file: vertices, what holds them, and their edges.
+
+Khronos Group, glTF 2.0 specification (2021), section 3.7.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdiff.io.glb_accessors import Accessors
+from hopdiff.io.glb_parse import BIN, GlbSkin, Matrix, ParsedGlb
+
+TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of glTF's primitives
+LEAST = 1e-4  # weight below which a joint does not hold a vertex
+MOST_WEIGHTS = 8  # a vertex: sets of four that are read are two
+
+
+@dataclass(frozen=True, eq=False)
+class SkinnedMesh:
+    """name: of its node. vertices: (V, 3) in the mesh's own frame. joints: (V, K) of the skeleton, weights: (V, K) that
+    add up to 1. inverse: (J, 4, 4) what takes the mesh into each joint's frame; 0 for joints that hold nothing. edges:
+    (E, 2) of its triangles, each once."""
+
+    name: str
+    vertices: Matrix
+    joints: NDArray[np.int64]
+    weights: Matrix
+    inverse: Matrix
+    edges: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Meshes:
+    """What could be read of a file's skinned meshes. unread: names of nodes whose mesh could not be, and why: names of
+    extensions, none where the data itself is broken. aside: names of nodes with a mesh that is not on the skeleton."""
+
+    meshes: tuple[SkinnedMesh, ...]
+    unread: tuple[str, ...]
+    why: tuple[str, ...]
+    aside: tuple[str, ...]
+
+
+def skinned_meshes(file: ParsedGlb) -> Meshes:
+    """The meshes on a file's skeleton, at their own shape: morph targets count for nothing."""
+    content = file.content
+    accessors = Accessors(content, file.chunks[0][1] if file.chunks and file.chunks[0][0] == BIN else None)
+    skins = {skin.number: skin for skin in file.skins}
+    found, unread, why, aside = [], list[str](), set[str](), list[str]()
+    carried = _below(content, set(file.nodes))
+    for at, node in enumerate(content["nodes"]):
+        if "mesh" not in node:
+            continue
+        name = str(node.get("name") or f"node_{at}")
+        skin = skins.get(node["skin"]) if isinstance(node.get("skin"), int) else None
+        if skin is None:
+            if at not in carried or "skin" in node:
+                aside.append(name)
+            continue
+        for primitive in _primitives(content, node["mesh"]):
+            mesh = _mesh(name, primitive, skin, accessors, len(file.nodes))
+            why |= {key for key in primitive.get("extensions") or {} if "compression" in key} if mesh is None else set()
+            if mesh is not None:
+                found.append(mesh)
+            elif name not in unread:
+                unread.append(name)
+    return Meshes(tuple(found), tuple(unread), tuple(sorted(why | accessors.compressed)), tuple(aside))
+
+
+def _primitives(content: dict[str, Any], index: Any) -> list[dict[str, Any]]:
+    """Of a mesh, those with an area."""
+    meshes = content.get("meshes", [])
+    if not isinstance(meshes, list) or not isinstance(index, int) or not 0 <= index < len(meshes):
+        return []
+    found = meshes[index].get("primitives", []) if isinstance(meshes[index], dict) else []
+    entries = [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+    return [one for one in entries if one.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)]
+
+
+def _mesh(name: str, primitive: dict[str, Any], skin: GlbSkin, accessors: Accessors, count: int) -> SkinnedMesh | None:
+    """One primitive, None if it cannot be read or tells nothing. count: of the skeleton's joints."""
+    attributes = primitive.get("attributes")
+    if not isinstance(attributes, dict) or skin.inverse is None:
+        return None
+    if any("draco" in extension.lower() for extension in primitive.get("extensions") or {}):
+        return None
+    vertices = accessors.values(attributes.get("POSITION"))
+    if vertices is None or vertices.shape[1] != 3 or len(vertices) == 0:
+        return None
+    joints, weights = [], []
+    for number in range(MOST_WEIGHTS // 4):
+        if f"JOINTS_{number}" not in attributes:
+            break
+        own, heavy = (accessors.values(attributes.get(f"{kind}_{number}")) for kind in ("JOINTS", "WEIGHTS"))
+        if own is None or heavy is None or own.shape != (len(vertices), 4) or heavy.shape != own.shape:
+            return None
+        joints.append(own)
+        weights.append(heavy)
+    if not joints:
+        return None
+    which, heavy = np.concatenate(joints, axis=1).astype(np.int64), np.concatenate(weights, axis=1)
+    heavy = np.where((heavy < LEAST) | (which < 0), 0.0, heavy)
+    if which.max() >= len(skin.joints):
+        return None
+    total = heavy.sum(axis=1, keepdims=True)
+    held = total[:, 0] > 0.0
+    if not held.any():
+        return None
+    heavy = heavy / np.where(total > 0.0, total, 1.0)
+    inverse = np.zeros((count, 4, 4))
+    inverse[list(skin.joints)] = skin.inverse
+    edges = _edges(primitive, accessors, len(vertices))
+    if edges is None:
+        return None
+    edges = edges[held[edges].all(axis=1)]
+    return SkinnedMesh(name, vertices, np.array(skin.joints)[which], heavy, inverse, edges)
+
+
+def _edges(primitive: dict[str, Any], accessors: Accessors, count: int) -> NDArray[np.int64] | None:
+    """(E, 2) of a primitive's triangles, each once."""
+    if "indices" in primitive:
+        values = accessors.values(primitive["indices"])
+        if values is None or values.shape[1] != 1 or (len(values) and values.max() >= count):
+            return None
+        line = values[:, 0].astype(np.int64)
+    else:
+        line = np.arange(count)
+    match primitive.get("mode", TRIANGLES):
+        case 5:
+            faces = np.stack([line[k : max(len(line) - 2 + k, 0)] for k in range(3)], axis=1)
+        case 6:
+            faces = np.stack([np.full(max(len(line) - 2, 0), line[:1].sum()), line[1:-1], line[2:]], axis=1)
+        case _:
+            faces = line[: len(line) // 3 * 3].reshape(-1, 3)
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def _below(content: dict[str, Any], nodes: set[int]) -> set[int]:
+    """Nodes and all that hangs on them."""
+    found, waiting = set[int](), list(nodes)
+    while waiting:
+        node = waiting.pop()
+        if node not in found:
+            found.add(node)
+            waiting += content["nodes"][node].get("children", [])
+    return found
