@@ -55,7 +55,7 @@ SEARCH = Corner
 FORMAT = """
 from hopdiff.export.format import Format
 
-FORMAT = Format(".frames", lambda path, takes, settings: path.write_text(str(takes[0].frames)))
+FORMAT = Format(".count", lambda path, takes, settings: path.write_text(str(takes[0].frames)))
 """
 TASK = """
 from dataclasses import dataclass
@@ -149,10 +149,10 @@ def character(house: House) -> None:
 
 
 def export(house: House) -> None:
-    house.add("hopdiff/export/formats/frames.py", FORMAT)
-    house.add("conf/export/frames.yaml", "# @package exports.frames\n# How many there are.\nkind: frames\n")
-    out = house.run(*QUICK, "export=[frames]")
-    assert int((out / "motion_frames.frames").read_text()) == numbers(out)["frames"]
+    house.add("hopdiff/export/formats/count.py", FORMAT)
+    house.add("conf/export/count.yaml", "# @package exports.count\n# How many frames there are.\nkind: count\n")
+    out = house.run(*QUICK, "export=[count]")
+    assert int((out / "motion_count.count").read_text()) == numbers(out)["frames"]
 
 
 def task(house: House) -> None:

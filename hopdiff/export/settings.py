@@ -4,11 +4,13 @@
 import math
 import re
 from dataclasses import dataclass
+from typing import Any
 
 from hopdiff.doors import FORMATS
 from hopdiff.export.anatomy import GROUND_ROOT, SCHEMES
 from hopdiff.export.format import Format
 from hopdiff.export.pose import ARMS
+from hopdiff.export.views import views_of
 from hopdiff.io.bvh import EULER_ORDERS
 from hopdiff.messages import choose
 from hopdiff.types import HopdiffError
@@ -16,6 +18,7 @@ from hopdiff.types import HopdiffError
 UNITS = {"m": 1.0, "cm": 100.0}  # file units in a metre
 MAX_FPS = 1000.0
 MAX_CYCLES = 10_000
+SIZES = (8, 2048)  # pixels
 JOINTS, FRAMES, ROOTS, TOGETHER = (
     ("full", "model"),
     ("whole", "exact"),
@@ -40,6 +43,9 @@ class ExportSettings:
     is laid end to end. mirrored: left and right change places.
     together: of HTML pages with several motions: overlaid or side_by_side. blender: program that makes FBX files:
     Blender or a Python with bpy; null: what HOPDIFF_BLENDER names, or blender.
+    view: of pictures: side, front, back, three_quarter, top, four or eight (ways to face, seen from 30 degrees above),
+    [azimuth, elevation] in degrees (0: it faces us, 90: to the right), or a list of these. size: pixels that the
+    standing figure is high in them. columns: of a sprite sheet; null for a row as long as the motion, if it fits.
     """
 
     kind: str = ""
@@ -58,6 +64,9 @@ class ExportSettings:
     mirrored: bool = False
     together: str = "side_by_side"
     blender: str | None = None
+    view: Any = "side"
+    size: int = 128
+    columns: int | None = None
 
     def check(self, name: str) -> None:
         """Raises HopdiffError, naming the setting of exports.NAME, for a value that cannot be."""
@@ -83,6 +92,11 @@ class ExportSettings:
             raise HopdiffError(f"{where}.fps must lie between 1 and {MAX_FPS:g} frames/s, not {self.fps:g}.")
         if not 1 <= self.cycles <= MAX_CYCLES:
             raise HopdiffError(f"{where}.cycles must lie between 1 and {MAX_CYCLES}, not {self.cycles}.")
+        views_of(self.view, f"{where}.view")
+        if not SIZES[0] <= self.size <= SIZES[1]:
+            raise HopdiffError(f"{where}.size must lie between {SIZES[0]} and {SIZES[1]} pixels, not {self.size}.")
+        if self.columns is not None and self.columns < 1:
+            raise HopdiffError(f"{where}.columns must be 1 or more, not {self.columns}.")
         if self.file is not None and not re.fullmatch(r"[^/\\:*?\"<>|\x00-\x1f]+", self.file):
             raise HopdiffError(f"{where}.file must be the name of a file without its folder, not {self.file!r}.")
         if (check := self.format.check) is not None:

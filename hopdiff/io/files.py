@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,6 +41,28 @@ def write_whole(path: str | os.PathLike[str], data: str | bytes) -> None:
     """Write a whole file at once; see `whole_file`."""
     with whole_file(path, "w" if isinstance(data, str) else "wb") as file:
         file.write(data)
+
+
+@contextmanager
+def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a new folder beside `path` to write in, and move it into place once the block has ended well.
+
+    A folder that was at `path` before is replaced. If the block raises, also by Ctrl-C, that stays as it was and the
+    half-written one is removed. Raises HopdiffError for whatever the operating system refuses.
+    """
+    target = Path(path)
+    draft, old = (target.with_name(f".{target.name[:80]}.{secrets.token_hex(4)}.part") for _ in range(2))
+    try:
+        draft.mkdir()
+        yield draft
+        if target.exists():
+            os.replace(target, old)
+        os.replace(draft, target)
+    except OSError as error:
+        raise HopdiffError(f"cannot write {target}: {_reason(error)}.") from error
+    finally:
+        for folder in (draft, old):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def read_text(path: str | os.PathLike[str]) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -52,7 +53,7 @@ class Note:
 class RunFolder:
     """A folder that this process writes in, until the block of `opened` ends. notes: as they turn up.
 
-    others: names of files that lay there before, which are not the run's.
+    others: names of files that lay there before, which are not the run's. folders: names of folders that it made.
     """
 
     path: Path
@@ -62,6 +63,7 @@ class RunFolder:
     notes: list[Note] = field(default_factory=list)
     interrupted: bool = False
     others: frozenset[str] = frozenset()
+    folders: list[str] = field(default_factory=list)
     started: str = field(default_factory=lambda: _now())
 
     def write(self, status: str, sentence: str | None = None) -> None:
@@ -79,6 +81,7 @@ class RunFolder:
             "ended": ended,
             "notes": [vars(note) for note in self.notes],
             "files": [] if status == RUNNING else [name for name in files if name != STATUS],
+            "folders": sorted(self.folders),
         }
         write_json(self.path / STATUS, content)
 
@@ -186,10 +189,22 @@ def _make_room(folder: Path, identity: str, overwrite: bool) -> None:
     for name in names:
         if Path(str(name)).name == name:  # nothing outside of the folder
             (folder / name).unlink(missing_ok=True)
+    made = found.get("folders") if isinstance(found, dict) else None
+    for name in made if isinstance(made, list) else ():
+        if Path(str(name)).name == name and name not in ("", ".", ".."):
+            _remove(folder / name)
     for pattern in DRAFTS:
         for path in folder.glob(pattern):
             if path.is_file():
                 path.unlink()
+            elif path.suffix == ".part":
+                _remove(path)
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder that holds nothing but files."""
+    if folder.is_dir() and not folder.is_symlink() and all(path.is_file() for path in folder.iterdir()):
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _held(folder: Path, what: str) -> str:

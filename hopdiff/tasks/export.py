@@ -53,7 +53,7 @@ def build(call: Call) -> Work:
     takes = distinct([read_take(source) for source in sources])
 
     def work(folder: RunFolder) -> None:
-        written = write_all(takes, call.exports, folder.path)
+        written = _noted(folder, write_all(takes, call.exports, folder.path))
         notes = [f"{take.name}: {note}" for take in takes for note in take.notes]
         folder.notes = [Note("clip", note) for note in notes]
         told = [("note", note) for note in notes]
@@ -109,7 +109,7 @@ def sources_of(run: Any, runs: str | None) -> list[Path]:
 
 def export_result(folder: RunFolder, exports: Exports) -> None:
     """Write the motion of a run folder that was just made into that folder."""
-    written = write_all([read_take(folder.path)], exports, folder.path)
+    written = _noted(folder, write_all([read_take(folder.path)], exports, folder.path))
     rows = _rows(written.files) + _mapped(folder, exports, written)
     say("\n".join(f"{name:<9} {text}" for name, text in rows))
 
@@ -158,6 +158,12 @@ def _mapped(folder: RunFolder, exports: Exports, written: Written) -> list[tuple
     return rows
 
 
+def _noted(folder: RunFolder, written: Written) -> Written:
+    """What was written, folders among it known as the run's own."""
+    folder.folders += [path.name for path, _ in written.files if path.is_dir()]
+    return written
+
+
 def _rows(written: Sequence[tuple[Path, Take]]) -> list[tuple[str, str]]:
     """Lines for people: what, and file with its size."""
     wide = max(len(path.name) for path, _ in written)
@@ -168,7 +174,7 @@ def _rows(written: Sequence[tuple[Path, Take]]) -> list[tuple[str, str]]:
 
 
 def _size(path: Path) -> str:
-    size = path.stat().st_size
+    size = sum(one.stat().st_size for one in path.iterdir()) if path.is_dir() else path.stat().st_size
     return f"{math.ceil(size / 1000)} kB" if size < 1e6 else f"{size / 1e6:.1f} MB"
 
 

@@ -2,10 +2,11 @@ from __future__ import annotations
 
 import os
 import stat
+from pathlib import Path
 
 import pytest
 
-from hopdiff.io.files import read_json, read_text, whole_file, write_whole
+from hopdiff.io.files import read_json, read_text, whole_file, whole_folder, write_whole
 from hopdiff.types import HopdiffError
 
 
@@ -99,3 +100,20 @@ def test_bad_json_is_named_with_its_line(tmp_path, content, message):
 def test_missing_file_is_named(tmp_path):
     with pytest.raises(HopdiffError, match=r"cannot read .*genes.json: no such file"):
         read_text(tmp_path / "genes.json")
+
+
+def test_folders_appear_whole_or_not_at_all(tmp_path: Path) -> None:
+    target = tmp_path / "pictures"
+    with whole_folder(target) as folder:
+        (folder / "a").write_text("1")
+        assert not target.exists()
+    for error in (KeyboardInterrupt, ZeroDivisionError):
+        with pytest.raises(error), whole_folder(target) as folder:
+            (folder / "b").write_text("2")
+            raise error
+        assert [path.name for path in tmp_path.rglob("*")] == ["pictures", "a"]
+    with whole_folder(target) as folder:
+        (folder / "c").write_text("3")
+    assert [path.name for path in tmp_path.rglob("*")] == ["pictures", "c"]
+    with pytest.raises(HopdiffError, match=r"cannot write .*nowhere"), whole_folder(tmp_path / "nowhere" / "b"):
+        pass

@@ -105,6 +105,25 @@ def test_overwrite_clears_the_run_and_nothing_else(tmp_path: Path) -> None:
     assert (tmp_path.parent / "outside.txt").exists()
 
 
+def test_overwrite_clears_the_runs_folders_and_no_others(tmp_path: Path) -> None:
+    run_folder = tmp_path / "run"
+    with opened(run_folder, "run", [], SETTINGS) as run:
+        for name in ("motion_frames", "mine", "deep"):
+            (run_folder / name).mkdir()
+            (run_folder / name / "0001.png").write_text("")
+        (run_folder / "deep" / "deeper").mkdir()
+        run.folders += ["motion_frames", "deep"]
+    (tmp_path / "outside").mkdir()
+    (run_folder / ".motion_frames.1234.part").mkdir()
+    told = status(run_folder)
+    assert told["folders"] == ["deep", "motion_frames"]
+    told["folders"] = ["motion_frames", "deep", "..", ".", "", "../outside"]
+    (run_folder / "status.json").write_text(json.dumps(told))
+    with opened(run_folder, "run", [], {"speed": 4.0}, overwrite=True):
+        assert sorted(path.name for path in run_folder.iterdir()) == [".lock", "deep", "mine", "status.json"]
+    assert (tmp_path / "outside").is_dir()
+
+
 def test_a_broken_status_is_no_reason_to_clear(tmp_path: Path) -> None:
     (tmp_path / "status.json").write_text("{")
     with pytest.raises(RefusedError, match="holds another run"):

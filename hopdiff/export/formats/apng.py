@@ -1,0 +1,8 @@
+"""An animated PNG."""
+
+from __future__ import annotations
+
+from hopdiff.export.format import Format
+from hopdiff.export.picture_files import write_apng
+
+FORMAT = Format(".png", write_apng)

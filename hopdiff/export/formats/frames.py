@@ -1,0 +1,8 @@
+"""A folder of numbered PNG files."""
+
+from __future__ import annotations
+
+from hopdiff.export.format import Format
+from hopdiff.export.picture_files import write_frames
+
+FORMAT = Format("", write_frames)

@@ -1,0 +1,8 @@
+"""A sprite sheet with its index."""
+
+from __future__ import annotations
+
+from hopdiff.export.format import Format
+from hopdiff.export.picture_files import check_sprites, write_sprites
+
+FORMAT = Format(".png", write_sprites, together=True, check=check_sprites)
