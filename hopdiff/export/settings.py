@@ -9,6 +9,7 @@ from typing import Any
 
 from hopdiff.doors import FORMATS
 from hopdiff.export.anatomy import GROUND_ROOT, SCHEMES
+from hopdiff.export.axes import AXES
 from hopdiff.export.format import Format
 from hopdiff.export.pose import ARMS
 from hopdiff.io.bvh import EULER_ORDERS
@@ -77,7 +78,9 @@ class ExportSettings(ClipSettings):
     ending of its kind.
     joints: of a run of hopdiff's own: full (22: spine, collars, wrists, head, ankles, toes) or model (its own eleven).
     names: of the joints: hopdiff, mixamo or unreal_mannequin; null leaves them. rest: the pose without rotations: t, a
-    or straight (arms hang); null leaves it. unit, up: of BVH files: m or cm; y or z. order: their Euler order.
+    or straight (arms hang); null leaves it. axes: of GLB and FBX files, which way the joints' frames point in that
+    pose: world (along its axes), bone (y along the bone, as Blender has it), mixamo, or unreal (its mannequin's).
+    unit, up: of BVH files: m or cm; y or z. order: their Euler order.
     ground: whether a root joint on the ground carries the way.
     together: of HTML pages with several motions: overlaid or side_by_side. blender: program that makes FBX files:
     Blender or a Python with bpy; null: what HOPDIFF_BLENDER names, or blender.
@@ -88,6 +91,7 @@ class ExportSettings(ClipSettings):
     joints: str = "full"
     names: str | None = None
     rest: str | None = None
+    axes: str = "world"
     unit: str = "m"
     up: str = "y"
     order: str = "ZXY"
@@ -103,6 +107,7 @@ class ExportSettings(ClipSettings):
         choose(f"{where}.kind", self.kind, FORMATS.names())
         for entry, choices in (
             ("joints", JOINTS),
+            ("axes", AXES),
             ("unit", UNITS),
             ("up", ("y", "z")),
             ("order", EULER_ORDERS),
@@ -114,6 +119,11 @@ class ExportSettings(ClipSettings):
         if self.rest is not None:
             choose(f"{where}.rest", self.rest, ARMS)
         self.check_clip(where)
+        if self.axes != "world" and not self.format.axes:
+            raise HopdiffError(
+                f"{where}.axes={self.axes} cannot be had in {self.format.suffix} files: their joints are aligned with"
+                " the world's axes in the rest pose."
+            )
         if self.file is not None and not re.fullmatch(r"[^/\\:*?\"<>|\x00-\x1f]+", self.file):
             raise HopdiffError(f"{where}.file must be the name of a file without its folder, not {self.file!r}.")
         if (check := self.format.check) is not None:
