@@ -122,8 +122,9 @@ def _bone(skeleton: Skeleton, joint: int, parts: dict[int, str]) -> Tensor:
 def _beside(bone: Tensor, wanted: tuple[float, float, float]) -> Tensor:
     """(3,) the direction across a bone that is nearest to another one."""
     line = bone.new_tensor(wanted)
-    across: Tensor = line - (line @ bone) * bone
-    return across / across.norm()
+    line = line - (line @ bone) * bone
+    across: Tensor = line / line.norm()
+    return across
 
 
 def _mirrored(line: Tensor) -> Tensor:

@@ -19,6 +19,7 @@ from torch import Tensor
 from hopdiff import __version__
 from hopdiff.export.axes import joint_axes
 from hopdiff.export.body_mesh import body_mesh
+from hopdiff.export.contact_events import told
 from hopdiff.export.loft import Surface
 from hopdiff.export.pose import root_height
 from hopdiff.export.take import Take
@@ -172,6 +173,7 @@ class _Writer:
             "frame_time_s": clip.frame_time,
             "travel_m": _numbers(travel),
             **_extras(take.numbers),
+            **told(take),
         }
         self.animations.append({"name": take.name, "channels": channels, "samplers": samplers, "extras": extras})
 

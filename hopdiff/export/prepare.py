@@ -9,6 +9,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from hopdiff.editing.root_path import RootPath
 from hopdiff.export.anatomy import renamed
 from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.export.ground import ground_path
@@ -90,11 +91,13 @@ def in_place(take: Take, rest: Tensor | None = None) -> Take:
     rest: (3, 3) rotation of the root joint with which the body faces +z in its rest pose; none if not given.
     """
     clip = take.clip
-    if rest is None:
-        turn, place = _way(take)
-    else:
-        facing = torch.cat((clip.rotations[:, :1] @ rest.transpose(-1, -2), clip.rotations[:, 1:]), dim=1)
-        turn, place = _way(replace(take, clip=replace(clip, rotations=facing)))
+    facing = take
+    if rest is not None:
+        turned = torch.cat((clip.rotations[:, :1] @ rest.transpose(-1, -2), clip.rotations[:, 1:]), dim=1)
+        facing = replace(take, clip=replace(clip, rotations=turned))
+    path = ground_path(facing)
+    turn, place = _undone(path)
+    way = torch.cat((path.place, path.yaw[:, None]), dim=-1)
     rotations = clip.rotations.clone()
     rotations[:, 0] = turn @ rotations[:, 0]
 
@@ -108,7 +111,7 @@ def in_place(take: Take, rest: Tensor | None = None) -> Take:
     root = here(clip.root_position)
     assert root is not None
     clip = replace(clip, root_position=root, rotations=rotations)
-    return replace(take, clip=clip, feet=here(take.feet), com=here(take.com), cop=here(take.cop))
+    return replace(take, clip=clip, feet=here(take.feet), com=here(take.com), cop=here(take.cop), way=way)
 
 
 def with_ground_root(take: Take, name: str) -> Take:
@@ -153,7 +156,10 @@ def with_way_on_root(take: Take, pelvis: int) -> Take:
 
 def _way(take: Take) -> tuple[Tensor, Tensor]:
     """(T, 3, 3) turns that undo the heading of a take's steady way, and (T, 3) its places on the ground [m]."""
-    path = ground_path(take)
+    return _undone(ground_path(take))
+
+
+def _undone(path: RootPath) -> tuple[Tensor, Tensor]:
     zero = torch.zeros_like(path.yaw)
     place = torch.stack((path.place[:, 0], zero, path.place[:, 1]), dim=-1)
     return axis_rotation("Y", -path.yaw), place
