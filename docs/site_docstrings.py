@@ -55,5 +55,9 @@ def fields_of(found: Any) -> set[str]:
 def said_of_fields(found: Any) -> dict[str, str]:
     """What the docstring of a class says of each of its fields."""
     known = fields_of(found)
-    said = parts(inspect.getdoc(found) or "", known)
+    # Those of a base class are told in its own docstring.
+    docs = (
+        [one.__doc__ for one in reversed(inspect.getmro(found)) if is_dataclass(one)] if inspect.isclass(found) else []
+    )
+    said = [part for text in docs or [found.__doc__] for part in parts(inspect.cleandoc(text or ""), known)]
     return {name: text for label, text in said for name in sorted(names_of(label) & known)}

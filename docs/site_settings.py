@@ -17,7 +17,7 @@ from site_docstrings import said_of_fields
 from yaml import MappingNode, Mark, Node, ScalarNode, SequenceNode
 
 from hopdiff.doors import SEARCHES
-from hopdiff.export.settings import ExportSettings
+from hopdiff.export.settings import ExportSettings, RetargetSettings
 
 ASIDE = ("hydra", "scenes", "shared")  # folders of other things than choices of a group
 GROUPS = {
@@ -184,6 +184,7 @@ def settings_page(conf: Path) -> str:
                 parts += [f"Of every {group}:", _settings(common)]
             if group == "export":
                 parts += ["Of every export:", _settings(list(_of_class(ExportSettings, "exports.NAME.", {})))]
+                parts += ["Of motions on another body:", _settings(list(_of_class(RetargetSettings, "retarget.", {})))]
             for file in shown:
                 entries = [entry for entry in file.entries if entry.name not in (f"{group}.name", "ground.kind")]
                 if group == "search":

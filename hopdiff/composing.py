@@ -25,7 +25,10 @@ from hopdiff.messages import typed_names
 from hopdiff.types import HopdiffError
 
 # What settings begin with that need not be there before they are set.
-NEW = ("search.", "costs.", "model.", "exports.", "genes.fixed.", "genes.fixed=", "edit.joints.", "edit.joints=")
+NEW = (
+    *("search.", "costs.", "model.", "exports.", "retarget.", "genes.fixed.", "genes.fixed=", "edit.joints."),
+    "edit.joints=",
+)
 MARK = "++"
 
 # Shared settings that are one number or word: 3 becomes 3.0 where that is meant, in names of folders too.
@@ -55,7 +58,7 @@ def with_new_names(words: Sequence[str]) -> list[str]:
 
 def as_typed(text: str) -> str:
     """A message without the marks of `with_new_names`."""
-    return re.sub(r"\+\+(?=search\.|costs\.|model\.|exports\.|genes\.fixed|edit\.joints)", "", text)
+    return re.sub(r"\+\+(?=search\.|costs\.|model\.|exports\.|retarget\.|genes\.fixed|edit\.joints)", "", text)
 
 
 @cache
@@ -127,6 +130,8 @@ def known_settings(key: str = "") -> list[str]:
     if found := re.match(r"exports\.(\w+)", key):
         settings = load("hopdiff.export.settings", "ExportSettings")
         return [f"exports.{found.group(1)}.{entry.name}" for entry in fields(settings)]
+    if key.startswith("retarget."):
+        return [f"retarget.{entry.name}" for entry in fields(load("hopdiff.export.settings", "RetargetSettings"))]
     return [*_in_files()]
 
 

@@ -150,7 +150,7 @@ def test_every_setting_is_on_its_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """A row each; what one line of a file holds in braces is one row. Names of choices are no settings to be typed."""
     monkeypatch.syspath_prepend(ROOT / "docs")
     page = importlib.import_module("site_settings").settings_page(ROOT / "conf")
-    known = {*known_settings(), *known_settings("search.population")}
+    known = {*known_settings(), *known_settings("search.population"), *known_settings("retarget.fps")}
     known |= {name.replace(".glb.", ".NAME.") for name in known_settings("exports.glb.fps")}
     named = {f"{group}.name" for group in ("task", "model", "costs", "genes", "search", "character")}
     for name in known - named - {"ground.kind"}:

@@ -21,7 +21,7 @@ from hopdiff.costs import CostSettings
 from hopdiff.doors import TASKS
 from hopdiff.editing.solve import SolveSettings
 from hopdiff.effort.settings import EffortSettings
-from hopdiff.export.settings import ExportSettings
+from hopdiff.export.settings import ExportSettings, RetargetSettings
 from hopdiff.genes import GeneSettings
 from hopdiff.grounds import GROUNDS
 from hopdiff.models import MODELS
@@ -190,7 +190,7 @@ def settings_classes() -> list[type]:
     found: list[type] = [Config, *MODELS.values(), EffortSettings, CostSettings, *GROUNDS.values()]
     found += [TASKS.load(name).settings for name in TASKS.own]
     # A body and a table of genes are data of their user's own, which may leave out what a body need not have.
-    left_out = {CharacterSettings, GeneSettings, ExportSettings}
+    left_out = {CharacterSettings, GeneSettings, ExportSettings, RetargetSettings}
     for schema in found:
         for hint in get_type_hints(schema).values():
             for inside in (hint, *get_args(hint)):

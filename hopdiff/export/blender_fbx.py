@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import Any
 
 CENTIMETRES = 100.0  # in a metre
+LONGEST_NAME = 63  # letters of a property in Blender
 
 
 def main(source: str, target: str) -> None:
@@ -36,6 +37,9 @@ def main(source: str, target: str) -> None:
         # Unreal takes the armature itself for a joint unless it has this name.
         armature.name = armature.data.name = "Armature"
         lay_out(armature)
+    for name, events in told(source).items():
+        # Exporters of FBX have no place for what is known of a take; what is known of an object they keep.
+        armatures[0][name[:LONGEST_NAME]] = events
     for mesh in meshes:
         mesh.name = mesh.data.name
     bpy.ops.object.select_all(action="DESELECT")
@@ -50,6 +54,7 @@ def main(source: str, target: str) -> None:
         axis_forward="-Z",
         axis_up="Y",
         mesh_smooth_type="FACE",
+        use_custom_props=True,
         add_leaf_bones=False,
         bake_anim=True,
         bake_anim_use_all_bones=True,
@@ -63,11 +68,23 @@ def main(source: str, target: str) -> None:
 
 def duration(source: str) -> float:
     """Seconds of the longest animation of a GLB file."""
-    with open(source, "rb") as file:
-        size = struct.unpack("<12xI4x", file.read(20))[0]
-        content = json.loads(file.read(size))
+    content = content_of(source)
     samplers = [sampler for animation in content.get("animations", ()) for sampler in animation["samplers"]]
     return max((content["accessors"][sampler["input"]]["max"][0] for sampler in samplers), default=0.0)
+
+
+def content_of(source: str) -> dict[str, Any]:
+    """What a GLB file says of itself."""
+    with open(source, "rb") as file:
+        size = struct.unpack("<12xI4x", file.read(20))[0]
+        found: dict[str, Any] = json.loads(file.read(size))
+    return found
+
+
+def told(source: str) -> dict[str, str]:
+    """Contacts of every animation of a GLB file as JSON, by its name; Blender leaves them out."""
+    extras = {animation["name"]: animation.get("extras", {}) for animation in content_of(source).get("animations", ())}
+    return {name: json.dumps(known["events"]) for name, known in extras.items() if known.get("events")}
 
 
 def curves(action: Any) -> list[Any]:

@@ -8,15 +8,18 @@ from __future__ import annotations
 import json
 import os
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from hopdiff import __version__
+from hopdiff.export.axes import joint_axes
 from hopdiff.export.body_mesh import body_mesh
+from hopdiff.export.contact_events import told
 from hopdiff.export.loft import Surface
 from hopdiff.export.pose import root_height
 from hopdiff.export.take import Take
@@ -32,14 +35,15 @@ FLOAT, BYTE, SHORT, INT = 5126, 5121, 5123, 5125  # component types of glTF
 VERTICES, INDICES = 34962, 34963  # its buffer targets
 
 
-def write_glb(path: str | os.PathLike[str], takes: Sequence[Take]) -> None:
+def write_glb(path: str | os.PathLike[str], takes: Sequence[Take], axes: str = "world") -> None:
     """Write takes as one GLB file, whole or not at all; see `glb_bytes`. Raises HopdiffError."""
-    write_whole(path, glb_bytes(takes))
+    write_whole(path, glb_bytes(takes, axes))
 
 
-def glb_bytes(takes: Sequence[Take]) -> bytes:
+def glb_bytes(takes: Sequence[Take], axes: str = "world", swapped: bool = True) -> bytes:
     """The GLB file of some takes: a skinned body for each skeleton among them, an animation for each take.
 
+    axes, swapped: of the joints in the rest pose, see `joint_axes`; the body moves alike whatever they are.
     Every joint is a node and belongs to the skin; the root joint carries the translation. Keys are linear, at the
     takes' own frames from time 0. Raises HopdiffError if there is no take, a take has no frame, or holds a number that
     is not finite, or two takes have one name.
@@ -55,7 +59,7 @@ def glb_bytes(takes: Sequence[Take]) -> bytes:
             raise HopdiffError(f"cannot write {take.name}: the motion holds a number that is not finite.")
         if names.count(take.name) > 1:
             raise HopdiffError(f"two motions are called {take.name!r}; a GLB file needs different names.")
-    file = _Writer()
+    file = _Writer(lambda skeleton: joint_axes(skeleton, axes, swapped))
     bodies: list[tuple[Skeleton, int]] = []
     for take in takes:
         skeleton = take.clip.skeleton
@@ -68,9 +72,10 @@ def glb_bytes(takes: Sequence[Take]) -> bytes:
 
 
 class _Writer:
-    """A glTF file in the making."""
+    """A glTF file in the making. axes: gives the (J, 3, 3) frames of a skeleton's joints in the rest pose."""
 
-    def __init__(self) -> None:
+    def __init__(self, axes: Callable[[Skeleton], Tensor]) -> None:
+        self.axes = axes
         self.nodes: list[dict[str, Any]] = []
         self.roots: list[int] = []
         self.meshes: list[dict[str, Any]] = []
@@ -86,17 +91,24 @@ class _Writer:
         first = len(self.nodes)
         rest = skeleton.offsets.clone()
         rest[0] = torch.tensor([0.0, root_height(skeleton), 0.0])
+        axes = self.axes(skeleton)
+        above = _above(skeleton, axes)
+        places_here = (above.transpose(-1, -2) @ rest.unsqueeze(-1)).squeeze(-1)
+        turns = quaternions((above.transpose(-1, -2) @ axes).unsqueeze(0))[0]
         for joint, joint_name in enumerate(skeleton.names):
-            node: dict[str, Any] = {"name": joint_name, "translation": _numbers(rest[joint])}
+            node: dict[str, Any] = {"name": joint_name, "translation": _numbers(places_here[joint])}
+            if not torch.equal(above[joint], axes[joint]):
+                node["rotation"] = _numbers(turns[joint])
             if children := skeleton.children(joint):
                 node["children"] = [first + child for child in children]
             self.nodes.append(node)
         self.roots.append(first)
         straight = torch.eye(3, dtype=torch.float64).expand(1, len(rest), 3, 3)
         places = skeleton.forward(rest[:1], straight)[0][0].numpy()
-        # Joints are not turned in the rest pose: what takes it to a joint's own frame only moves.
+        # From the rest pose to a joint's own frame: moved, then turned; glTF has columns one after the other.
         inverse = np.tile(np.eye(4, dtype=np.float32), (len(rest), 1, 1))
-        inverse[:, 3, :3] = -places
+        inverse[:, :3, :3] = axes.numpy()
+        inverse[:, 3, :3] = -np.einsum("jk,jkl->jl", places, axes.numpy())
         matrices = self._add(inverse.reshape(-1, 16), FLOAT, "MAT4")
         joints = [first + joint for joint in range(len(rest))]
         self.skins.append({"name": name, "joints": joints, "inverseBindMatrices": matrices, "skeleton": first})
@@ -132,7 +144,9 @@ class _Writer:
         """The motion of a take on the nodes from `first` on."""
         clip = take.clip
         times = clip.frame_time * np.arange(take.frames, dtype=np.float64)
-        turns = quaternions(clip.rotations).numpy()
+        axes = self.axes(clip.skeleton)
+        back = _above(clip.skeleton, axes).transpose(-1, -2)
+        turns = quaternions(back @ clip.rotations @ axes).numpy()
         whole = self._times(times)
         ends = self._times(times[[0, -1]]) if take.frames > 1 else whole
         channels: list[dict[str, Any]] = []
@@ -149,8 +163,9 @@ class _Writer:
         for joint in range(turns.shape[1]):
             add(first + joint, "rotation", turns[:, joint])
         if clip.offsets is not None:
+            moving = (back @ clip.offsets.unsqueeze(-1)).squeeze(-1)
             for joint in range(1, turns.shape[1]):
-                add(first + joint, "translation", clip.offsets[:, joint].numpy())
+                add(first + joint, "translation", moving[:, joint].numpy())
         travel = clip.root_position[-1] - clip.root_position[0]
         extras = {
             "loop": take.loop,
@@ -158,6 +173,7 @@ class _Writer:
             "frame_time_s": clip.frame_time,
             "travel_m": _numbers(travel),
             **_extras(take.numbers),
+            **told(take),
         }
         self.animations.append({"name": take.name, "channels": channels, "samplers": samplers, "extras": extras})
 
@@ -207,6 +223,12 @@ def _same(a: Skeleton, b: Skeleton) -> bool:
     return alike and bool(((a.offsets - b.offsets).abs() < ALIKE)[1:].all())
 
 
+def _above(skeleton: Skeleton, axes: Tensor) -> Tensor:
+    """(J, 3, 3) the frame that each joint hangs in: its parent's, of the root the world's."""
+    straight = torch.eye(3, dtype=torch.float64)
+    return torch.stack([axes[parent] if parent >= 0 else straight for parent in skeleton.parents])
+
+
 def _material(side: str) -> dict[str, Any]:
     # Colours of materials are linear in glTF, not as on screen.
     linear = [(int(COLOURS[side][k : k + 2], 16) / 255.0) ** 2.2 for k in (1, 3, 5)]
@@ -220,5 +242,5 @@ def _extras(numbers: Mapping[str, Any]) -> dict[str, Any]:
     return {name: numbers[name] for name in names if isinstance(numbers.get(name), int | float)}
 
 
-def _numbers(values: torch.Tensor) -> list[float]:
+def _numbers(values: Tensor) -> list[float]:
     return [float(value) for value in values.tolist()]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
 from torch import Tensor
 
+from hopdiff.editing.root_path import RootPath
 from hopdiff.export.anatomy import renamed
 from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.export.ground import ground_path
 from hopdiff.export.pose import mirrored, root_height, with_rest_pose
-from hopdiff.export.settings import ExportSettings
+from hopdiff.export.settings import ClipSettings, ExportSettings
 from hopdiff.export.take import Take
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton
@@ -19,7 +22,7 @@ from hopdiff.types import HopdiffError
 
 
 def prepared(take: Take, settings: ExportSettings) -> Take:
-    """The take with the joints, cycles, frames, rest pose, root and names that the settings ask for.
+    """The take with the joints, cycles, frames, rest pose, root and joints' names that the settings ask for.
 
     Raises HopdiffError, naming the setting, for what this motion does not allow.
     """
@@ -27,24 +30,74 @@ def prepared(take: Take, settings: ExportSettings) -> Take:
         raise HopdiffError(f"cannot write {take.name}: it has no frames.")
     if settings.joints == "full" and is_model_body(take.clip.skeleton) and take.contact is not None:
         take = full_body(take)
-    if settings.mirrored:
-        take = mirrored(take)
-    take = take.repeated(settings.cycles)
-    if settings.fps is not None:
-        take = take.resampled(settings.fps, settings.frames == "exact")
+    take = in_place_if(with_clip(take, settings), settings)
     if settings.rest is not None:
         take = with_rest_pose(take, settings.rest)
-    if settings.root == "in_place":
-        take = in_place(take)
     if settings.names is not None:
         take = replace(take, clip=replace(take.clip, skeleton=renamed(take.clip.skeleton, settings.names)))
     return with_ground_root(take, settings.ground_name) if settings.ground else take
 
 
-def in_place(take: Take) -> Take:
-    """The motion on the spot, heading along +z: without its steady way over the ground; sway and bounce stay."""
-    turn, place = _way(take)
+def with_clip(take: Take, settings: ClipSettings) -> Take:
+    """The take mirrored, laid end to end, and at the frames that the settings ask for; it travels as before.
+
+    Raises HopdiffError, naming the setting, for what this motion does not allow.
+    """
+    if settings.mirrored:
+        take = mirrored(take)
+    take = take.repeated(settings.cycles)
+    return take if settings.fps is None else take.resampled(settings.fps, settings.frames == "exact")
+
+
+def in_place_if(take: Take, settings: ClipSettings, rest: Tensor | None = None) -> Take:
+    """The take on the spot if the settings ask for that. rest: see `in_place`."""
+    return in_place(take, rest) if settings.root == "in_place" else take
+
+
+def named(takes: Sequence[Take], settings: ClipSettings) -> list[Take]:
+    """The takes under the names of clips that the settings ask for.
+
+    Raises HopdiffError, naming the setting, for two of one name, a number in a name that is not known of a take, or
+    names for another count of takes.
+    """
+    wanted = settings.clip_names
+    if len(wanted) > 1 and len(wanted) != len(takes):
+        raise HopdiffError(f"clip has {len(wanted)} names for {len(takes)} motions.")
+    found = []
+    for k, take in enumerate(takes):
+        name = take.name if not wanted else _filled(wanted[k % len(wanted)], take)
+        found.append(replace(take, name=f"{name}-loop" if settings.loop_suffix and take.loop else name))
+    names = [take.name for take in found]
+    if wanted and (twice := next((name for name in names if names.count(name) > 1), None)) is not None:
+        raise HopdiffError(f"clip={wanted[0]}: two motions are called {twice!r}: give a list, or set {{name}} in it.")
+    return found
+
+
+def _filled(name: str, take: Take) -> str:
+    """A name with what stands in braces filled in."""
+
+    def value(match: re.Match[str]) -> str:
+        found = take.name if match[1] == "name" else take.numbers.get(match[1])
+        if found is None:
+            raise HopdiffError(f"clip={name}: {match[1]} of {take.name} is not known.")
+        return f"{found:g}" if isinstance(found, float) else str(found)
+
+    return re.sub(r"{(\w+)}", value, name)
+
+
+def in_place(take: Take, rest: Tensor | None = None) -> Take:
+    """The motion on the spot, heading along +z: without its steady way over the ground; sway and bounce stay.
+
+    rest: (3, 3) rotation of the root joint with which the body faces +z in its rest pose; none if not given.
+    """
     clip = take.clip
+    facing = take
+    if rest is not None:
+        turned = torch.cat((clip.rotations[:, :1] @ rest.transpose(-1, -2), clip.rotations[:, 1:]), dim=1)
+        facing = replace(take, clip=replace(clip, rotations=turned))
+    path = ground_path(facing)
+    turn, place = _undone(path)
+    way = torch.cat((path.place, path.yaw[:, None]), dim=-1)
     rotations = clip.rotations.clone()
     rotations[:, 0] = turn @ rotations[:, 0]
 
@@ -58,7 +111,7 @@ def in_place(take: Take) -> Take:
     root = here(clip.root_position)
     assert root is not None
     clip = replace(clip, root_position=root, rotations=rotations)
-    return replace(take, clip=clip, feet=here(take.feet), com=here(take.com), cop=here(take.cop))
+    return replace(take, clip=clip, feet=here(take.feet), com=here(take.com), cop=here(take.cop), way=way)
 
 
 def with_ground_root(take: Take, name: str) -> Take:
@@ -103,7 +156,10 @@ def with_way_on_root(take: Take, pelvis: int) -> Take:
 
 def _way(take: Take) -> tuple[Tensor, Tensor]:
     """(T, 3, 3) turns that undo the heading of a take's steady way, and (T, 3) its places on the ground [m]."""
-    path = ground_path(take)
+    return _undone(ground_path(take))
+
+
+def _undone(path: RootPath) -> tuple[Tensor, Tensor]:
     zero = torch.zeros_like(path.yaw)
     place = torch.stack((path.place[:, 0], zero, path.place[:, 1]), dim=-1)
     return axis_rotation("Y", -path.yaw), place

@@ -12,10 +12,14 @@ from hopdiff.export.write import different
 
 @dataclass(frozen=True)
 class Exports:
-    """What is to be written, checked. files: settings by name. target: body for the motions, if not their own."""
+    """What is to be written, checked. files: settings by name. target: body for the motions, if not their own.
+
+    retarget: what the motions on it shall be.
+    """
 
     files: Mapping[str, ExportSettings] = field(default_factory=dict)
     target: Target | None = None
+    retarget: RetargetSettings = field(default_factory=RetargetSettings)
 
     def __bool__(self) -> bool:
         return bool(self.files) or self.target is not None
@@ -25,6 +29,7 @@ class Exports:
         """Raises HopdiffError, naming setting or file, for what cannot be, before any motion is made."""
         for name, settings in files.items():
             settings.check(name)
+        retarget.check_clip("retarget")
         different([settings.file_name(name) for name, settings in files.items()])
         target = None if retarget.skeleton is None else read_target(retarget.skeleton, retarget.names)
-        return cls(files, target)
+        return cls(files, target, retarget)

@@ -230,8 +230,8 @@ def write_retargeted(path: str | os.PathLike[str], takes: Sequence[Take], target
 
     A BVH file keeps its names, offsets, channels, unit and axes and has the new motion, only one, in place of its own;
     a GLB file keeps all that it has and gets one more animation for each take. Returns how the skin of a GLB file
-    follows each, where it can be read. Raises HopdiffError if the file's suffix is another, a joint lacks a channel that the motion needs, the skin of a GLB file would tear, or the file cannot be
-    written.
+    follows each, where it can be read. Raises HopdiffError if the file's suffix is another, a joint lacks a channel
+    that the motion needs, the skin of a GLB file would tear, or the file cannot be written.
     """
     if Path(path).suffix.lower() != target.suffix:
         raise HopdiffError(f"{path}: a motion on {target.name} is written into a {target.suffix} file.")

@@ -49,7 +49,8 @@ class Take:
     loop: whether the last frame is the first of a repetition. contact: (T, 2) bool, left and right foot on the ground.
     feet: (T, 2, 3) their contact points [m]. com: (T, 3) centre of mass [m]. leg_force: (T, 2) along each leg [N].
     masses: of the body's eleven segments by joint [kg]. force, cop: (T, 2, 3) ground force on each foot [N] and its
-    centre of pressure [m]. segments: the rigid parts that its joints move. What is not known is None. numbers: about
+    centre of pressure [m]. segments: the rigid parts that its joints move. way: (T, 3) of a motion on the spot the way
+    that was left out: x, z [m] and yaw [rad]. What is not known is None. numbers: about
     the motion, for people (what metrics.json holds). notes: sentences for the user on how its file was read.
     """
 
@@ -66,6 +67,7 @@ class Take:
     cop: Tensor | None = None
     segments: Segments | None = None
     notes: tuple[str, ...] = ()
+    way: Tensor | None = None
 
     @property
     def frames(self) -> int:
@@ -128,6 +130,9 @@ class Take:
             )
             for entry, values in _along(self).items()
         }
+        if self.way is not None:
+            further = self.way[-1] - self.way[0]
+            others["way"] = torch.cat((self.way[:1], *(self.way[1:] + k * further for k in range(count))))
         return replace(self, clip=repeated(self.clip, count), **others)
 
     def resampled(self, fps: float, exact: bool) -> Take:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hopdiff.export.prepare import prepared
+from hopdiff.export.prepare import named, prepared
 from hopdiff.export.settings import ExportSettings
 from hopdiff.export.take import Take
 from hopdiff.types import HopdiffError
@@ -26,12 +26,10 @@ def write_exports(
     """
     jobs: list[tuple[str, Path, list[Take], ExportSettings]] = []
     for name, settings in exports.items():
-        ready = []
-        for take in takes:
-            try:
-                ready.append(prepared(take, settings))
-            except HopdiffError as error:
-                raise HopdiffError(f"exports.{name}: {error}") from error
+        try:
+            ready = named([prepared(take, settings) for take in takes], settings)
+        except HopdiffError as error:
+            raise HopdiffError(f"exports.{name}: {error}") from error
         whole = folder / settings.file_name(name)
         if settings.format.together or len(takes) == 1:
             jobs.append((name, whole, ready, settings))

@@ -7,13 +7,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from hopdiff.export.mapping import NAMES_FILE
+from hopdiff.export.prepare import in_place_if, named, with_clip
 from hopdiff.export.request import Exports
-from hopdiff.export.retarget import retargeted, write_retargeted
+from hopdiff.export.retarget import Target, retargeted, write_retargeted
+from hopdiff.export.settings import RetargetSettings
 from hopdiff.export.skin_check import SkinCheck
 from hopdiff.export.tables import read_npz
 from hopdiff.export.take import Take
 from hopdiff.export.write import distinct, plain, write_exports
+from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.files import read_json, write_whole
 from hopdiff.io.record import write_json
@@ -122,7 +127,7 @@ def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> Written:
     written: list[tuple[Path, Take]] = []
     checks: list[SkinCheck] = []
     if exports.target is not None:
-        takes = [retargeted(take, exports.target) for take in takes]
+        takes = on_target(takes, exports.target, exports.retarget)
         suffix = exports.target.suffix
         lots = [("retargeted", takes)] if suffix == ".glb" or len(takes) == 1 else []
         for name, lot in lots or [(f"retargeted_{plain(take.name)}", [take]) for take in takes]:
@@ -130,6 +135,18 @@ def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> Written:
             checks += write_retargeted(path, lot, exports.target)
             written.append((path, lot[0]))
     return Written(written + write_exports(takes, exports.files, folder), checks)
+
+
+def on_target(takes: Sequence[Take], target: Target, settings: RetargetSettings) -> list[Take]:
+    """Takes on another body, as clips that the settings ask for. Raises HopdiffError, naming the setting."""
+    try:
+        # What mirrors and repeats knows the source; the target's feet are planted over the whole of it.
+        facing = torch.tensor(target.facing(), dtype=torch.float64)
+        rest = axis_rotation("Y", -facing) @ target.rest[0]
+        moved = [in_place_if(retargeted(with_clip(take, settings), target), settings, rest) for take in takes]
+        return named(moved, settings)
+    except HopdiffError as error:
+        raise HopdiffError(f"retarget: {error}") from error
 
 
 def _mapped(folder: RunFolder, exports: Exports, written: Written) -> list[tuple[str, str]]:

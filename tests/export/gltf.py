@@ -46,6 +46,10 @@ class Gltf:
 
     def places(self, name: str, time: float) -> dict[str, NDArray[np.float64]]:
         """World places of all nodes that an animation moves, by name, at a time [s]."""
+        return {node: place for node, (place, _) in self.frames(name, time).items()}
+
+    def frames(self, name: str, time: float) -> dict[str, tuple[NDArray[np.float64], Rotation]]:
+        """World places and rotations of the same."""
         content, moved = self.content, {}
         animation = self.animation(name)
         for channel in animation["channels"]:
@@ -74,4 +78,23 @@ class Gltf:
             return above + sized * turned.apply(place), turned * turn, sized * size
 
         nodes = {node for node, _ in moved}
-        return {content["nodes"][node]["name"]: world(node)[0] for node in sorted(nodes)}
+        return {content["nodes"][node]["name"]: world(node)[:2] for node in sorted(nodes)}
+
+    def skinned(self, name: str, time: float) -> NDArray[np.float64]:
+        """(V, 3) vertices of the first body's mesh, as an animation moves them, at a time [s]."""
+        skin, frames = self.content["skins"][0], self.frames(name, time)
+        inverse = self.values(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+        whole = []
+        for joint, node in enumerate(skin["joints"]):
+            place, turn = frames[self.content["nodes"][node]["name"]]
+            matrix = np.eye(4)
+            matrix[:3, :3], matrix[:3, 3] = turn.as_matrix(), place
+            whole.append(matrix @ inverse[joint])
+        found = []
+        for primitive in self.content["meshes"][0]["primitives"]:
+            points, joints, weights = (
+                self.values(primitive["attributes"][name]) for name in ("POSITION", "JOINTS_0", "WEIGHTS_0")
+            )
+            points = np.concatenate((points, np.ones((len(points), 1))), axis=1)
+            found.append(np.einsum("vk,vkij,vj->vi", weights, np.array(whole)[joints], points)[:, :3])
+        return np.concatenate(found)

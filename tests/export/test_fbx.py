@@ -6,6 +6,7 @@ import select
 import shutil
 import stat
 import struct
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,9 @@ import pytest
 
 from hopdiff.export import blender_fbx
 from hopdiff.export.fbx import VARIABLE, find_blender, write_fbx
+from hopdiff.export.glb import glb_bytes
 from hopdiff.types import HopdiffError
+from tests.export.takes import own
 
 GLB = b"glTF as bytes"
 SAYS_BLENDER = 'if [ "$1" = --version ]; then echo "Blender 9.9"; exit 0; fi\n'
@@ -184,3 +187,11 @@ def test_the_longest_animation_of_a_glb_file(tmp_path: Path) -> None:
     file = tmp_path / "a.glb"
     file.write_bytes(struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON") + text)
     assert blender_fbx.duration(str(file)) == 1.25
+
+
+def test_contacts_of_every_animation_are_told_as_json(tmp_path: Path) -> None:
+    file = tmp_path / "a.glb"
+    file.write_bytes(glb_bytes([own(), replace(own(), name="again")]))
+    told = {name: json.loads(events) for name, events in blender_fbx.told(str(file)).items()}
+    assert list(told) == ["run", "again"]
+    assert [event["name"] for event in told["again"]] == ["LeftDown", "LeftUp", "RightDown", "RightUp"]

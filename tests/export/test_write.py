@@ -121,6 +121,8 @@ def test_names_are_told_apart() -> None:
         ("unit=mm", "Unknown exports.glb.unit"),
         ("order=XXY", "Unknown exports.glb.order"),
         ("root=fixed", "Unknown exports.glb.root"),
+        ("clip='Run{pace}'", r"exports.glb.clip must be a name.*'Run\{pace\}'"),
+        ("clip=[Run,2]", r"exports.glb.clip must be a name.*not 2"),
         ("file=a/b", "exports.glb.file must be the name of a file"),
         ("kind=usd", "Unknown exports.glb.kind"),
     ],
@@ -154,3 +156,24 @@ def test_clips_alone_keep_their_joints_and_names(tmp_path: Path) -> None:
     other = read_bvh(path)
     assert "mixamorig:LeftUpLeg" in other.names
     assert math.isclose(other.frames * other.frame_time, take.frames * take.clip.frame_time, rel_tol=0.03)
+
+
+def test_clips_are_called_as_one_likes(tmp_path: Path) -> None:
+    takes = distinct([own(), replace(own(), numbers={"speed": 4.5, "beta": 0.7, "seed": 1}, loop=False)])
+
+    def names(*overrides: str) -> list[str]:
+        [(path, _)] = write_exports(takes, {"glb": preset("glb", *overrides)}, tmp_path)
+        return [one["name"] for one in Gltf.of(path.read_bytes()).content["animations"]]
+
+    assert names("clip=[Jog,Run]") == ["Jog", "Run"]
+    assert names("clip='{name}_{speed}_{beta}'") == ["run_3_0.2", "run_seed1_4.5_0.7"]
+    # Godot takes a loop for one by its name.
+    assert names("loop_suffix=true") == ["run-loop", "run_seed1"]
+    for setting, message in (
+        ("clip=Run", r"exports.glb: clip=Run: two motions are called 'Run'"),
+        ("clip=[A,B,C]", r"exports.glb: clip has 3 names for 2 motions"),
+    ):
+        with pytest.raises(HopdiffError, match=message):
+            names(setting)
+    with pytest.raises(HopdiffError, match=r"clip=v\{speed\}: speed of unknown is not known"):
+        write_exports([replace(own(), name="unknown", numbers={})], {"g": preset("glb", "clip='v{speed}'")}, tmp_path)

@@ -5,11 +5,13 @@ import os
 from pathlib import Path
 
 import pytest
+import torch
 
 from hopdiff.cli import main
 from hopdiff.export.tables import read_npz
 from hopdiff.io.bvh import read_bvh
 from tests.export.gltf import Gltf
+from tests.export.rigs import skeleton, write_rest
 from tests.people import file_of
 
 PRESETS = "export=[glb,glb_unreal,glb_mixamo,bvh_blender,bvh_unity,bvh_unreal,csv,npz]"
@@ -145,3 +147,35 @@ def test_exports_that_a_motion_does_not_allow_leave_no_file(
     assert "exports.glb: cycles=3: walk_edited is no loop" in capsys.readouterr().err
     assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".json", ".yaml"}  # the record, with the sentence
     assert json.loads((tmp_path / "out" / "status.json").read_text())["status"] == "failed"
+
+
+def test_motions_on_another_body_are_clips_as_asked_for(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hero = write_rest(tmp_path / "hero.bvh", skeleton())
+    words = ("task=export", f"run={finished}", f"retarget.skeleton={hero}")
+    assert call(monkeypatch, tmp_path / "plain", *words) == 0
+    asked = ("retarget.fps=30", "retarget.frames=exact", "retarget.root=in_place", "retarget.cycles=4")
+    assert call(monkeypatch, tmp_path / "asked", *words, *asked, "retarget.mirrored=true", "retarget.clip=Run") == 0
+    before, after = (read_bvh(tmp_path / name / "retargeted.bvh").clip() for name in ("plain", "asked"))
+    assert after.frame_time == pytest.approx(1.0 / 30.0, abs=1e-6)
+    assert after.duration == pytest.approx(4.0 * before.duration, abs=1.0 / 30.0)
+    way = [clip.root_position[-1, 2] - clip.root_position[0, 2] for clip in (before, after)]
+    assert float(way[0]) > 1.0
+    assert abs(float(way[1])) < 0.05
+    # What the left foot did the right foot does: heights, as they are at the same times.
+    left, right = before.skeleton.index("mixamorig:LeftToeBase"), before.skeleton.index("mixamorig:RightToeBase")
+    time = torch.arange(8) / 30.0
+    ours = before.joint_positions()[(time / before.frame_time).round().long(), left, 1]
+    assert float((after.joint_positions()[:8, right, 1] - ours).abs().max()) < 0.05
+    assert float((after.joint_positions()[:8, left, 1] - ours).abs().max()) > 0.1
+
+
+def test_what_retarget_cannot_be_is_told_by_its_name(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hero = write_rest(tmp_path / "hero.bvh", skeleton())
+    for word, message in (("retarget.fps=0", "retarget.fps must lie"), ("retarget.cycle=2", "retarget.cycles")):
+        words = ("task=export", f"run={finished}", f"retarget.skeleton={hero}", word)
+        assert call(monkeypatch, tmp_path / "none", *words) != 0
+        assert message in capsys.readouterr().err

@@ -8,7 +8,9 @@ from hopdiff.export.glb import glb_bytes
 
 FORMAT = Format(
     ".fbx",
-    lambda path, takes, settings: write_fbx(path, glb_bytes(takes), settings.blender),
+    # Blender leaves the frames of joints as they are, and importers of FBX swap none of their axes.
+    lambda path, takes, settings: write_fbx(path, glb_bytes(takes, settings.axes, swapped=False), settings.blender),
     together=True,
+    axes=True,
     check=lambda settings: find_blender(settings.blender),
 )

@@ -5,4 +5,4 @@ from __future__ import annotations
 from hopdiff.export.format import Format
 from hopdiff.export.glb import write_glb
 
-FORMAT = Format(".glb", lambda path, takes, _: write_glb(path, takes), together=True)
+FORMAT = Format(".glb", lambda path, takes, settings: write_glb(path, takes, settings.axes), together=True, axes=True)
