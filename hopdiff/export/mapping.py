@@ -36,18 +36,19 @@ WANTED = frozenset({"neck", "head", *_both("shoulder", "elbow", "toe")})
 @dataclass(frozen=True)
 class MappingReport:
     """joints: part of the body -> name of the joint, of those that were found. others: names of the joints that are no
-    part."""
+    part. note: why the parts that the file names do not count, if so."""
 
     name: str
     joints: Mapping[str, str]
     others: Sequence[str]
+    note: str = ""
 
     @classmethod
-    def of(cls, name: str, names: Sequence[str], parts: Mapping[str, int]) -> MappingReport:
+    def of(cls, name: str, names: Sequence[str], parts: Mapping[str, int], note: str = "") -> MappingReport:
         """names: of all joints. parts: part -> joint."""
         known = set(parts.values())
         others = [joint for k, joint in enumerate(names) if k not in known]
-        return cls(name, {part: names[parts[part]] for part in JOINTS if part in parts}, others)
+        return cls(name, {part: names[parts[part]] for part in JOINTS if part in parts}, others, note)
 
     @property
     def missing(self) -> list[str]:
@@ -63,7 +64,7 @@ class MappingReport:
         if self.missing:
             text += f"; not {', '.join(grouped(self.missing))}"
             text += f"; other joints: {few(self.others)}" if self.others else "; no other joints"
-        return text
+        return f"{text}; {self.note}" if self.note else text
 
     def warning(self) -> str | None:
         """What the user should do about it, None where nothing stays stiff that people see."""

@@ -6,7 +6,7 @@ import math
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -16,7 +16,8 @@ import yaml
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import SIDES, Leg
-from hopdiff.export.anatomy import SCHEMES, parts_of
+from hopdiff.export.anatomy import CHAINS, REQUIRED, SCHEMES, parts_of
+from hopdiff.export.humanoid import parts_in
 from hopdiff.export.mapping import MappingReport, few
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
@@ -28,13 +29,6 @@ from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
 
 TRUNK = ("waist", "chest", "upper_chest")
-# Parts of which each hangs on the one before, whatever lies between.
-CHAINS = (
-    ("pelvis", *TRUNK, "neck", "head"),
-    *(("pelvis", *(f"{side}_{part}" for part in ("collar", "shoulder", "elbow", "wrist"))) for side in SIDES),
-    *(("pelvis", *(f"{side}_{part}" for part in ("hip", "knee", "ankle", "toe"))) for side in SIDES),
-)
-REQUIRED = ("pelvis", *(f"{side}_{part}" for side in SIDES for part in ("hip", "knee")))
 UPRIGHT = 0.6  # of its length by which a leg must hang down for a body to stand
 NEAR_GROUND = 0.12  # of a leg's length up to which a foot's lowest joint may be above the sole
 
@@ -43,18 +37,20 @@ NEAR_GROUND = 0.12  # of a leg's length up to which a foot's lowest joint may be
 class Target:
     """A body. name: for errors. parts: of the body, by the names of `full_body`, -> joint. rest: (J, 3, 3) the joints'
     orientations in the pose in which it stands upright, and every sole is level: the skeleton's own rest pose, or the
-    first frame of its file where that is a heap of bones. file: where it comes from."""
+    first frame of its file where that is a heap of bones. file: where it comes from. note: why the parts that its file
+    names do not count, if so."""
 
     name: str
     skeleton: Skeleton
     parts: Mapping[str, int]
     rest: Tensor
     file: BvhFile | GlbFile | None = None
+    note: str = ""
 
     @property
     def suffix(self) -> str:
         """Of the file that a motion on this body is written into."""
-        return ".glb" if isinstance(self.file, GlbFile) else ".bvh"
+        return Path(self.file.path).suffix.lower() if isinstance(self.file, GlbFile) else ".bvh"
 
     @cached_property
     def places(self) -> Tensor:
@@ -78,7 +74,7 @@ class Target:
 
     def report(self) -> MappingReport:
         """Which parts were found."""
-        return MappingReport.of(Path(self.name).name, self.skeleton.names, self.parts)
+        return MappingReport.of(Path(self.name).name, self.skeleton.names, self.parts, self.note)
 
     def own_frames(self, rotations: Tensor) -> Tensor:
         """Rotations (T, J, 3, 3) of the aligned joints as those of the skeleton's own."""
@@ -125,22 +121,28 @@ class Target:
 
 
 def read_target(path: str | os.PathLike[str], names: str = "auto") -> Target:
-    """The body in a BVH or GLB file.
+    """The body in a BVH, GLB or VRM file.
 
-    names: how its joints are called: auto, a name of SCHEMES, or a YAML file with lines part: joint name.
+    names: how its joints are called: auto, a name of SCHEMES, or a YAML file with lines part: joint name. With auto
+    a file's own VRM map counts, if it has one.
     Raises HopdiffError, naming file and joint, if it cannot be read, lacks a leg, or does not stand upright.
     """
     file: BvhFile | GlbFile
+    note = ""
     match Path(path).suffix.lower():
         case ".bvh":
             file = read_bvh(path)
             pose = file.clip().rotations[0] if file.frames else None
-        case ".glb":
+        case ".glb" | ".vrm":
             file, pose = read_glb(path), None
         case _:
-            raise HopdiffError(f"{path}: a skeleton is read from a .bvh or a .glb file.")
+            raise HopdiffError(f"{path}: a skeleton is read from a .bvh, .glb or .vrm file.")
     skeleton = file.skeleton()
-    return target_of(str(path), skeleton, named_parts(skeleton, names, str(path)), pose, file)
+    if names == "auto" and isinstance(file, GlbFile):
+        parts, note = parts_in(file, skeleton)
+    else:
+        parts = named_parts(skeleton, names, str(path))
+    return replace(target_of(str(path), skeleton, parts, pose, file), note=note)
 
 
 def target_of(
