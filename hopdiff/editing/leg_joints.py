@@ -6,8 +6,9 @@ import itertools
 import math
 from collections.abc import Mapping
 
-from hopdiff.geometry.body_parts import LEG, Leg, legs_of, rest_positions, with_end
+from hopdiff.geometry.body_parts import Leg, legs_of, rest_positions, with_end
 from hopdiff.geometry.joint_names import SIDES, plain_name
+from hopdiff.geometry.limb_names import LEG
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.messages import near
 from hopdiff.types import HopdiffError

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,13 @@ SCHEMES: Mapping[str, Mapping[str, str]] = {
         },
     },
 }
+# Parts of which each hangs on the one before, whatever lies between.
+CHAINS = (
+    ("pelvis", "waist", "chest", "upper_chest", "neck", "head"),
+    *(("pelvis", *(f"{side}_{part}" for part in ("collar", "shoulder", "elbow", "wrist"))) for side in SIDES),
+    *(("pelvis", *(f"{side}_{part}" for part in ("hip", "knee", "ankle", "toe"))) for side in SIDES),
+)
+REQUIRED = ("pelvis", *(f"{side}_{part}" for side in SIDES for part in ("hip", "knee")))
 # Segment masses in body masses: de Leva (1996), table 4, male; the shank with the foot, the forearm with the hand.
 SHARES = {
     "pelvis": 0.1117,
@@ -77,15 +84,12 @@ LEG = 0.53  # height of the hip in body heights: Drillis and Contini (1966)
 GROUND_ROOT = {"unreal_mannequin": "root"}  # schemes whose root is a joint on the ground, and its name
 
 
-def parts_of(skeleton: Skeleton) -> dict[str, int]:
+def parts_of(skeleton: Skeleton, skin: Collection[int] = ()) -> dict[str, int]:
     """Part of the body, by the names of `full_body`, -> joint; without the parts that were not found.
 
-    By the names of a whole scheme, or else as `body_parts` finds them.
+    skin: the joints that carry the skin, where that is known.
     """
-    for scheme in SCHEMES.values():
-        if set(scheme.values()) <= set(skeleton.names):
-            return {part: skeleton.index(name) for part, name in scheme.items()}
-    return body_parts(skeleton)
+    return body_parts(skeleton, skin)
 
 
 def renamed(skeleton: Skeleton, scheme: str) -> Skeleton:

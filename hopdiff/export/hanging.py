@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import torch
 
+from hopdiff.export.anatomy import CHAINS, REQUIRED
 from hopdiff.export.skin import Skin
 from hopdiff.geometry.body_parts import rest_positions
 from hopdiff.geometry.joint_names import SIDES, named
@@ -16,13 +17,6 @@ from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
 
 TRUNK = ("waist", "chest", "upper_chest")
-# Parts of which each hangs on the one before, whatever lies between.
-CHAINS = (
-    ("pelvis", *TRUNK, "neck", "head"),
-    *(("pelvis", *(f"{side}_{part}" for part in ("collar", "shoulder", "elbow", "wrist"))) for side in SIDES),
-    *(("pelvis", *(f"{side}_{part}" for part in ("hip", "knee", "ankle", "toe"))) for side in SIDES),
-)
-REQUIRED = ("pelvis", *(f"{side}_{part}" for side in SIDES for part in ("hip", "knee")))
 ENDS = (("knee", "ankle"), ("ankle", "toe"), ("elbow", "wrist"))  # a part, and what may hang elsewhere
 NEAR = 0.35  # of the bone above it that an end may be from where a leaf marks it
 
@@ -49,11 +43,15 @@ def loose_parts(skeleton: Skeleton, parts: Mapping[str, int], skin: Skin | None)
             above, own = found.get(f"{side}_{upper}"), found.get(f"{side}_{lower}")
             if above is None or (own is not None and not _is_leaf(skeleton, own, skin)):
                 continue
-            others = [k for k in named(skeleton.names, lower, side) if k not in found.values() and k != own]
-            others = [k for k in others if not _is_leaf(skeleton, k, skin)]
+            others = named(skeleton.names, lower, side)
+            if lower == "toe":
+                # Where the ankle is called so, the foot is what hangs on it.
+                others += [k for k in named(skeleton.names, "ankle", side) if above in skeleton.above(k)]
+            others = [k for k in others if k not in found.values() and k != own and not _is_leaf(skeleton, k, skin)]
             if own is not None:
                 reach = NEAR * float((places[own] - places[above]).norm())
-                others = [k for k in others if float((places[k] - places[own]).norm()) < reach]
+                near = [(float((places[k] - places[own]).norm()), k) for k in others]
+                others = [k for distance, k in sorted(near) if distance < reach]
             if others:
                 found[f"{side}_{lower}"] = others[0]
     return found

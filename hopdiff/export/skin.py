@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from hopdiff.geometry.body_parts import rest_positions
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.glb_mesh import SkinnedMesh
 
 FEW = 8  # vertices of a foot below which they tell no sole
 HELD = 0.5  # weight from which on a foot's joints hold a vertex
-DEEPEST = 0.6  # of a leg's length that a sole may be below the ankle
+DEEPEST = 0.8  # of a leg's length that a sole may be below the ankle
+STUMP = 0.12  # of a body's height from which on what is below a last joint is a shank and no foot
+NEAR_GROUND = 0.03  # of a body's height up to which a last joint's skin stands on the ground
 PITCHES = np.deg2rad(np.arange(-75.0, 76.0, 15.0))  # of the ground against a sole, tip down below 0
 ROLLS = np.deg2rad((-20.0, 0.0, 20.0))
 
@@ -79,6 +82,23 @@ class SkinSole:
     ahead: Tensor
     heel: float
     tip: float
+
+
+def with_stumps(skeleton: Skeleton, skin: Skin | None) -> Skeleton:
+    """The skeleton with an end straight below each shank that nothing hangs on, where its skin meets the ground."""
+    if skin is None:
+        return skeleton
+    places = rest_positions(skeleton) + skeleton.offsets[0]
+    ground, height = float(skin.vertices[:, 1].min()), float(np.ptp(skin.vertices[:, 1]))
+    ends = dict(skeleton.end_sites)
+    for joint, name in enumerate(skeleton.names):
+        held = skin.weights[:, joint] >= HELD
+        if name in ends or skeleton.children(joint) or not held.any():
+            continue
+        drop = float(places[joint, 1]) - float(skin.vertices[held, 1].min())
+        if drop > STUMP * height and float(places[joint, 1]) - drop - ground < NEAR_GROUND * height:
+            ends[name] = torch.tensor((0.0, -drop, 0.0), dtype=torch.float64)
+    return replace(skeleton, end_sites=ends)
 
 
 def skin_sole(

@@ -15,8 +15,7 @@ import yaml
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import SIDES, Leg
-from hopdiff.export.anatomy import SCHEMES, parts_of
-from hopdiff.export.hanging import CHAINS, REQUIRED
+from hopdiff.export.anatomy import CHAINS, REQUIRED, SCHEMES, parts_of
 from hopdiff.export.mapping import MappingReport, few
 from hopdiff.export.skin import Skin, SkinSole, skin_sole
 from hopdiff.geometry.clip import Clip
@@ -50,7 +49,7 @@ class Target:
     @property
     def suffix(self) -> str:
         """Of the file that a motion on this body is written into."""
-        return ".glb" if isinstance(self.file, GlbFile) else ".bvh"
+        return Path(self.file.path).suffix.lower() if isinstance(self.file, GlbFile) else ".bvh"
 
     @cached_property
     def places(self) -> Tensor:

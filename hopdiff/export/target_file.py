@@ -10,8 +10,9 @@ from pathlib import Path
 import torch
 
 from hopdiff.export.hanging import loose_parts, rehung
+from hopdiff.export.humanoid import parts_in
 from hopdiff.export.mapping import few
-from hopdiff.export.skin import Skin
+from hopdiff.export.skin import Skin, with_stumps
 from hopdiff.export.target import Target, named_parts, target_of
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.glb_file import GlbFile, read_glb
@@ -24,9 +25,10 @@ BACKWARDS = -0.3  # cosine of feet and body up to which feet point back
 
 
 def read_target(path: str | os.PathLike[str], names: str = "auto") -> Target:
-    """The body in a BVH or GLB file.
+    """The body in a BVH, GLB or VRM file.
 
-    names: how its joints are called: auto, a name of SCHEMES, or a YAML file with lines part: joint name.
+    names: how its joints are called: auto, a name of SCHEMES, or a YAML file with lines part: joint name. With auto a
+    file's own VRM map counts, if it has one.
     Raises HopdiffError, naming file and joint, if it cannot be read, lacks a leg, or does not stand upright.
     """
     match Path(path).suffix.lower():
@@ -35,10 +37,10 @@ def read_target(path: str | os.PathLike[str], names: str = "auto") -> Target:
             skeleton = file.skeleton()
             pose = file.clip().rotations[0] if file.frames else None
             return target_of(str(path), skeleton, named_parts(skeleton, names, str(path)), pose, file)
-        case ".glb":
+        case ".glb" | ".vrm":
             return _in_rest_pose(str(path), names, read_glb(path))
         case _:
-            raise HopdiffError(f"{path}: a skeleton is read from a .bvh or a .glb file.")
+            raise HopdiffError(f"{path}: a skeleton is read from a .bvh, .glb or .vrm file.")
 
 
 def _in_rest_pose(path: str, names: str, file: GlbFile) -> Target:
@@ -72,16 +74,20 @@ def _in_rest_pose(path: str, names: str, file: GlbFile) -> Target:
 
 def _posed(path: str, names: str, file: GlbFile, skin: Skin | None) -> Target:
     """The body in a GLB file in one pose."""
-    own = file.skeleton()
-    parts = named_parts(own, names, path)
+    own = with_stumps(file.skeleton(), skin)
+    note = ""
     if names == "auto":
+        parts, note = parts_in(file, own)
         parts = loose_parts(own, parts, skin)
+    else:
+        parts = named_parts(own, names, path)
     skeleton = rehung(path, own, parts, skin)
     order = [own.index(name) for name in skeleton.names]
     parts = {part: order.index(joint) for part, joint in parts.items()}
     if skin is not None:
         skin = replace(skin, weights=skin.weights[:, order])
-    target = replace(target_of(path, skeleton, parts, None, file), skin=skin)
+    notes = (f"{Path(path).name}: {note}.",) if note else ()
+    target = replace(target_of(path, skeleton, parts, None, file), skin=skin, notes=notes)
     for part, joint in target.parts.items():
         over = file.parents[order[joint]]
         if over in file.uneven:

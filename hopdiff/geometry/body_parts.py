@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from hopdiff.geometry.joint_names import SIDES, WORDS, named, plain_name
+from hopdiff.geometry.joint_names import SIDES, is_helper, named
+from hopdiff.geometry.limb_names import ARM, LEG, limb_by_name
+from hopdiff.geometry.limb_shapes import Limb, Shape, arms_in, end_of_arm, legs_in
 from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.geometry.trunk_parts import top_parts, trunk_parts
 
-LEG, ARM = ("hip", "knee", "ankle", "toe"), ("shoulder", "elbow", "wrist")
 ASIDE = 0.02  # of the body's size from which on a joint belongs to a side
 ALIKE = 0.1  # share by which arms may differ in length
+LOW = 0.15  # of the way from a foot's lowest joint to the ankle up to which toes lie
 SHORTEST = 0.2  # of the body's size: arms are longer than ears
 
 
@@ -34,40 +38,44 @@ def rest_positions(skeleton: Skeleton) -> Tensor:
     return skeleton.forward(torch.zeros(3, dtype=torch.float64), straight)[0]
 
 
-def legs_of(skeleton: Skeleton) -> tuple[Leg, ...]:
+def legs_of(skeleton: Skeleton, skin: Collection[int] = ()) -> tuple[Leg, ...]:
     """The left and the right leg by their joints' names, or by their shape where names do not tell; none if neither
-    does."""
-    for found in (tuple(_leg_by_name(skeleton, side) for side in SIDES), _legs_by_shape(skeleton)):
-        legs = tuple(whole for leg in found if leg is not None and (whole := with_end(skeleton, leg)) is not None)
-        if len(legs) == len(SIDES):
-            return legs
-    return ()
+    does. skin: the joints that carry the skin, where that is known: of several legs they are the ones."""
+    place = rest_positions(skeleton)
+    named_legs = [limb_by_name(skeleton, place, side, LEG, skin) for side in SIDES]
+    by_name = tuple(_leg(side, chain) for side, (chain, _) in zip(SIDES, named_legs, strict=True))
+    if all(sound for _, sound in named_legs) and (legs := _whole(skeleton, by_name)):
+        return legs
+    # What names say makes no leg: it counts if nothing else is one.
+    return (
+        _whole(skeleton, _legs_in(skeleton, place, skin))
+        or _whole(skeleton, by_name)
+        or _whole(skeleton, _legs_by_shape(skeleton))
+    )
 
 
-def body_parts(skeleton: Skeleton) -> dict[str, int]:
+def body_parts(skeleton: Skeleton, skin: Collection[int] = ()) -> dict[str, int]:
     """Part of the body, by the names of a run's 22 joints, -> joint; without the parts that were not found.
 
-    Legs and arms by names, or by shape; the trunk by what lies between pelvis and neck.
+    Legs and arms by names, or by shape; the trunk by what lies between pelvis and neck. skin: as of `legs_of`.
     """
-    legs = legs_of(skeleton)
+    legs = legs_of(skeleton, skin)
     found: dict[str, int] = {}
     for leg in legs:
         parts = {"hip": leg.hip, "knee": leg.knee, "ankle": leg.ankle, "toe": leg.toe}
         found |= {f"{leg.side}_{part}": joint for part, joint in parts.items() if joint is not None}
-    arms = {side: _arm_by_name(skeleton, side) for side in SIDES}
+    arms = _arms(skeleton, legs, skin)
     for side, arm in arms.items():
         if arm and found.get(f"{side}_hip") in arm.values():
             # Of a body without that leg.
             found = {part: joint for part, joint in found.items() if not part.startswith(side)}
-    shaped: Mapping[str, int] = {}
-    if not any("elbow" in arm for arm in arms.values()) and legs:
-        arms, shaped = _arms_by_shape(skeleton, legs)
     for side, arm in arms.items():
         if "elbow" in arm:
             found |= {f"{side}_{part}": joint for part, joint in arm.items()}
-    middle = {part: joints[0] for part in ("neck", "head") if (joints := named(skeleton.names, part))}
-    found |= middle or shaped
-    return found | _trunk(skeleton, found)
+    place = rest_positions(skeleton)
+    across, middle, _ = _across(place, legs) if legs else (place.new_tensor((1.0, 0.0, 0.0)), place[0], 1.0)
+    found |= top_parts(skeleton, place, (place - middle) @ across, found)
+    return found | trunk_parts(skeleton, found)
 
 
 def may_have_arms(skeleton: Skeleton) -> bool:
@@ -94,25 +102,44 @@ def with_end(skeleton: Skeleton, leg: Leg) -> Leg | None:
     return replace(leg, ankle=max(children, key=lambda i: float(skeleton.offsets[i].norm())), toe=None)
 
 
-def _leg_by_name(skeleton: Skeleton, side: str) -> Leg | None:
-    plain = [plain_name(name) for name in skeleton.names]
-    chain: list[int] = []
-    for role in LEG:
-        words = WORDS[role]
-        if role == "toe" and plain[chain[-1]][1] == "ankle":
-            words = (*words, "foot")
-        fitting = [
-            i
-            for i, (own, word) in enumerate(plain)
-            if own == side and word in words and (not chain or chain[-1] in skeleton.above(i))
-        ]
-        if not fitting:
-            break
-        # Of LHipJoint and LeftUpLeg, both hips, the one nearer to the knee; of several toes the first.
-        chain.append(max(fitting, key=lambda i: len(skeleton.above(i))) if role == "hip" else fitting[0])
+def _whole(skeleton: Skeleton, legs: tuple[Leg | None, ...]) -> tuple[Leg, ...]:
+    """The legs with ends to stand on, if that are both."""
+    found = tuple(whole for leg in legs if leg is not None and (whole := with_end(skeleton, leg)) is not None)
+    return found if len(found) == len(SIDES) else ()
+
+
+def _leg(side: str, chain: list[int]) -> Leg | None:
     if len(chain) < 2:
         return None
     return Leg(side, chain[0], chain[1], *(chain[k] if len(chain) > k else None for k in (2, 3)))
+
+
+def _legs_in(skeleton: Skeleton, place: Tensor, skin: Collection[int]) -> tuple[Leg, ...]:
+    """Of all pairs of limbs that hang down those that are most like legs. Left is where the toes say, or +x."""
+    across = np.array([1.0, 0.0, 0.0])
+    found = legs_in(Shape(skeleton, place.numpy(), across, place[0].numpy(), skin))
+    if found is None:
+        return ()
+    legs = [Leg(side, one.upper, one.middle, one.lower, None) for side, one in zip(SIDES, found, strict=True)]
+    legs = [replace(leg, toe=_toe(skeleton, place, leg)) for leg in legs]
+    ahead = [float(place[leg.toe, 2] - place[leg.ankle, 2]) for leg in legs if leg.toe is not None]
+    if ahead and max(ahead) < 0.0:
+        legs = [replace(leg, side=side) for side, leg in zip(SIDES, legs[::-1], strict=True)]
+    return tuple(legs)
+
+
+def _toe(skeleton: Skeleton, place: Tensor, leg: Leg) -> int | None:
+    """Going out from the ankle, the first joint that is low, or else the first."""
+    assert leg.ankle is not None
+    way = [leg.ankle]
+    while children := [child for child in skeleton.children(way[-1]) if not is_helper(skeleton.names[child])]:
+        far = [float((place[child] - place[leg.ankle])[[0, 2]].norm()) for child in children]
+        way.append(children[far.index(max(far))])
+    if len(way) == 1:
+        return None
+    heights = [float(place[joint, 1]) for joint in way]
+    low = min(heights) + LOW * (heights[0] - min(heights))
+    return next((joint for joint, height in zip(way[1:], heights[1:], strict=True) if height <= low), way[1])
 
 
 def _legs_by_shape(skeleton: Skeleton) -> tuple[Leg, ...]:
@@ -149,26 +176,51 @@ def _legs_by_shape(skeleton: Skeleton) -> tuple[Leg, ...]:
     return tuple(legs)
 
 
-def _arm_by_name(skeleton: Skeleton, side: str) -> dict[str, int]:
-    arm: dict[str, int] = {}
-    for part in ARM:
-        above = list(arm.values())[-1:]
-        fitting = [
-            joint for joint in named(skeleton.names, part, side) if all(one in skeleton.above(joint) for one in above)
-        ]
-        if not fitting:
-            break
-        arm[part] = fitting[0]
-    if "shoulder" in arm:
-        over = set(skeleton.above(arm["shoulder"]))
-        collar = sorted(joint for joint in named(skeleton.names, "collar", side) if joint in over)
-        if collar:
-            arm["collar"] = collar[0]
+def _arms(skeleton: Skeleton, legs: tuple[Leg, ...], skin: Collection[int]) -> dict[str, dict[str, int]]:
+    """By side: by names, or by shape where names do not tell both."""
+    place = rest_positions(skeleton)
+    arms, sound = {}, {}
+    for side in SIDES:
+        chain, sound[side] = limb_by_name(skeleton, place, side, ARM, skin)
+        arms[side] = dict(zip(ARM, chain, strict=False))
+    by_name = {side: _completed(skeleton, place, side, arm) for side, arm in arms.items()}
+    whole = [side for side in SIDES if "wrist" in arms[side] and sound[side]]
+    if len(whole) == len(SIDES) or not legs:
+        return by_name
+    across, middle, _ = _across(place, legs)
+    pair = arms_in(Shape(skeleton, place.numpy(), across.numpy(), middle.numpy(), skin), [leg.hip for leg in legs])
+    if pair is not None:
+        shaped = {side: _arm_of(skeleton, limb, pair) for side, limb in zip(SIDES, pair, strict=True)}
+        # Names that tell a part of an arm count if the shape is that of another limb.
+        whole += [side for side in SIDES if sound[side] and set(shaped[side].values()).isdisjoint(arms[side].values())]
+        return shaped | {side: by_name[side] for side in whole}
+    return by_name if any("elbow" in arm for arm in arms.values()) else _arms_by_shape(skeleton, legs)
+
+
+def _completed(skeleton: Skeleton, place: Tensor, side: str, arm: dict[str, int]) -> dict[str, int]:
+    """An arm by names with its collarbone, and with a wrist by shape where names do not tell it."""
+    if "shoulder" not in arm:
+        return arm
+    over = set(skeleton.above(arm["shoulder"]))
+    collar = sorted(joint for joint in named(skeleton.names, "collar", side) if joint in over)
+    arm = arm | ({"collar": collar[0]} if collar else {})
+    if "elbow" in arm and "wrist" not in arm:
+        shape = Shape(skeleton, place.numpy(), np.array([1.0, 0.0, 0.0]), place[0].numpy())
+        wrist = end_of_arm(shape, arm["shoulder"], arm["elbow"])
+        return arm | ({} if wrist is None else {"wrist": wrist})
     return arm
 
 
-def _arms_by_shape(skeleton: Skeleton, legs: tuple[Leg, ...]) -> tuple[dict[str, dict[str, int]], dict[str, int]]:
-    """Both arms, and neck and head: the longest chain besides the legs on either side, if they mirror each other."""
+def _arm_of(skeleton: Skeleton, limb: Limb, pair: tuple[Limb, Limb]) -> dict[str, int]:
+    """With the collar: of the joints of its own between trunk and shoulder the first."""
+    shared = set(skeleton.above(pair[0].upper)) & set(skeleton.above(pair[1].upper))
+    own = [joint for joint in skeleton.above(limb.upper) if joint not in shared]
+    arm = {"shoulder": limb.upper, "elbow": limb.middle, "wrist": limb.lower}
+    return arm | ({"collar": own[-1]} if own else {})
+
+
+def _arms_by_shape(skeleton: Skeleton, legs: tuple[Leg, ...]) -> dict[str, dict[str, int]]:
+    """Both arms: the longest chain besides the legs on either side, if they mirror each other."""
     place = rest_positions(skeleton)
     across, middle, size = _across(place, legs)
     off = (place - middle) @ across
@@ -182,18 +234,16 @@ def _arms_by_shape(skeleton: Skeleton, legs: tuple[Leg, ...]) -> tuple[dict[str,
         reach = _length(skeleton, chain, leaf)
         best[side] = max(best.get(side, (0.0, [])), (reach, chain))
     if len(best) < len(SIDES):
-        return {}, {}
+        return {}
     left, right = (best[side][1] for side in SIDES)
     shared = [joint for joint in left if joint in right]
     if not shared:
-        return {}, {}
+        return {}
     one, other = (_length(skeleton, chain[len(shared) - 1 :], chain[-1]) for chain in (left, right))
     if min(one, other) < SHORTEST * size or abs(one - other) > ALIKE * max(one, other):
-        return {}, {}
+        return {}
     arms = {side: _arm_in(skeleton, chain[len(shared) :]) for side, (_, chain) in best.items()}
-    if not all(arms.values()):
-        return {}, {}
-    return arms, _head_above(skeleton, place, shared[-1], off, size)
+    return arms if all(arms.values()) else {}
 
 
 def _arm_in(skeleton: Skeleton, chain: list[int]) -> dict[str, int]:
@@ -208,42 +258,6 @@ def _arm_in(skeleton: Skeleton, chain: list[int]) -> dict[str, int]:
     if k + 2 < len(chain):
         arm["wrist"] = chain[k + 2]
     return arm | ({"collar": chain[k - 1]} if k else {})
-
-
-def _head_above(skeleton: Skeleton, place: Tensor, trunk: int, off: Tensor, size: float) -> dict[str, int]:
-    """Neck and head: the joints in the middle that go up from where the arms hang."""
-    found: list[int] = []
-    joint = trunk
-    while True:
-        middle = [child for child in skeleton.children(joint) if abs(float(off[child])) <= ASIDE * size]
-        higher = [child for child in middle if float(place[child, 1]) > float(place[joint, 1])]
-        if not higher:
-            break
-        joint = max(higher, key=lambda child: float(place[child, 1]))
-        found.append(joint)
-    return dict(zip(("neck", "head") if len(found) > 1 else ("head",), found, strict=False))
-
-
-def _trunk(skeleton: Skeleton, found: Mapping[str, int]) -> dict[str, int]:
-    """Pelvis: where both legs hang; waist, chest and upper chest: of the chain from there to the neck or the arms."""
-    hips = [found[f"{side}_hip"] for side in SIDES if f"{side}_hip" in found]
-    if len(hips) < len(SIDES):
-        return {}
-    shared = [joint for joint in skeleton.above(hips[0]) if joint in skeleton.above(hips[1])]
-    if not shared:
-        return {}
-    # A root on the ground, or a joint of the same place above it, is not the pelvis if something nearer is.
-    trunk = {"pelvis": shared[0]}
-    top = next((found[part] for part in ("neck", "left_collar", "left_shoulder", "head") if part in found), None)
-    if top is not None and shared[0] in skeleton.above(top):
-        chain = [joint for joint in reversed(skeleton.above(top)) if shared[0] in skeleton.above(joint)]
-        if chain:
-            trunk["waist"] = chain[0]
-        if len(chain) > 2:
-            trunk["chest"] = chain[len(chain) // 2]
-        if len(chain) > 1:
-            trunk["upper_chest"] = chain[-1]
-    return trunk
 
 
 def _across(place: Tensor, legs: tuple[Leg, ...]) -> tuple[Tensor, Tensor, float]:

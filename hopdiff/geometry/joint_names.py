@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping
 
 SIDES = ("left", "right")
@@ -13,6 +14,7 @@ _LIMBS = (
 )
 _MARKS = (
     re.compile(r"(left|(?<!up)right)", re.IGNORECASE),
+    re.compile("([左右])"),  # MikuMikuDance: 左足
     re.compile(r"(?:^|[^a-z0-9])([lr])(?:[^a-z0-9]|$)", re.IGNORECASE),  # hip_l, Bip01 L Thigh
     re.compile(rf"(?:^|[^a-z])([lr])(?={_LIMBS})", re.IGNORECASE),
     re.compile(r"[a-z]([LR])(?:[^A-Za-z]|$)"),  # handL
@@ -25,20 +27,28 @@ _BEFORE = (
 )
 _BEHIND = ("bend", "stretch", "jnt", "jt", "bone", "bn")
 # What joints are called, without the side, letters only; a joint is named after the bone that hangs on it or after
-# itself. Of several words the first counts more.
+# itself. Of several words the first counts more. The last in a row, in Japanese, are those of MikuMikuDance; of two
+# chains, the one with a D carries the skin.
 WORDS: Mapping[str, tuple[str, ...]] = {
-    "hip": ("upleg", "upperleg", "legupper", "thigh", "hip", "femur"),
-    "knee": ("leg", "lowleg", "lowerleg", "leglower", "loleg", "calf", "shin", "knee", "tibia"),
-    "ankle": ("foot", "ankle"),
-    "toe": ("toe", "toes", "toebase", "ball"),
-    "collar": ("clavicle", "collar", "collarbone", "shoulder", "scapula"),
-    "shoulder": ("arm", "upperarm", "uparm", "armupper", "humerus", "shoulder", "shldr", "shld"),
-    "elbow": ("forearm", "lowerarm", "lowarm", "armlower", "loarm", "elbow", "radius"),
-    "wrist": ("hand", "wrist"),
-    "pelvis": ("hips", "pelvis", "hip"),
-    "neck": ("neck", "necktwist", "necklower"),
-    "head": ("head", "skull"),
+    "hip": ("upleg", "upperleg", "legupper", "thigh", "hip", "femur", "足d", "足", "leg"),
+    "knee": ("leg", "lowleg", "lowerleg", "leglower", "loleg", "calf", "shin", "knee", "tibia", "ひざd", "ひざ", "膝"),
+    "ankle": ("foot", "ankle", "足首d", "足首"),
+    "toe": ("toe", "toes", "toebase", "ball", "足先ex", "つま先"),
+    "collar": ("clavicle", "collar", "collarbone", "shoulder", "scapula", "肩"),
+    "shoulder": ("arm", "upperarm", "uparm", "armupper", "humerus", "shoulder", "shldr", "shld", "腕"),
+    "elbow": ("forearm", "lowerarm", "lowarm", "armlower", "loarm", "elbow", "radius", "ひじ", "肘"),
+    "wrist": ("hand", "wrist", "手首", "palm"),
+    "pelvis": ("hips", "pelvis", "hip", "腰", "センター"),
+    "neck": ("neck", "necktwist", "necklower", "首"),
+    "head": ("head", "skull", "頭"),
 }
+# Words of joints that help others to move, hold things or end a chain: none of them is a part of a body. Those of the
+# second kind copy the parts' own: they are taken where there is nothing else.
+_HELP = (
+    *("twist", "roll", "ik", "fk", "pole", "target", "ctrl", "control", "nub", "end", "leaf", "null", "helper"),
+    *("corrective", "prop", "weapon", "socket", "attachment", "dummy", "sec", "effector", "mch", "tweak"),
+)
+_COPY = ("org",)
 # What names have in them that may be of a part, also of its ends and of what lies in it.
 _LIKE = {
     "head": re.compile(r"head|skull", re.IGNORECASE),
@@ -58,12 +68,22 @@ def side_of(name: str) -> str:
 def plain_name(name: str) -> tuple[str | None, str]:
     """Side and bare word of a joint's name: ("left", "upleg") of "mixamorig:LeftUpLeg"."""
     side, rest = _split(_bare(name))
-    parts = [part.lower() for part in re.split(r"[^A-Za-z]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", rest)) if part]
+    parts = _words(rest)
     while len(parts) > 1 and parts[0] in _BEFORE:
         parts = parts[1:]
     while len(parts) > 1 and parts[-1] in _BEHIND:
         parts = parts[:-1]
     return side, "".join(parts)
+
+
+def is_helper(name: str) -> bool:
+    """Whether a name has a word of joints that are no part of a body, such as those that share a twist."""
+    return not set(_HELP).isdisjoint(_words(_split(_bare(name))[1]))
+
+
+def is_copy(name: str) -> bool:
+    """Whether a joint copies the one that carries the skin, as its name says."""
+    return not set(_COPY).isdisjoint(_words(_split(_bare(name))[1])[:1])
 
 
 def is_like(part: str, name: str) -> bool:
@@ -81,8 +101,14 @@ def named(names: tuple[str, ...], part: str, side: str | None = None) -> list[in
 
 
 def _bare(name: str) -> str:
-    """Without the name of a skeleton before it."""
-    return name.rsplit(":", 1)[-1]
+    """Without the name of a skeleton before it, and with letters of half and full width alike."""
+    return unicodedata.normalize("NFKC", name.rsplit(":", 1)[-1])
+
+
+def _words(name: str) -> list[str]:
+    """In small letters: ["upper", "arm"] of "UpperArm_01"."""
+    apart = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
+    return [word.lower() for word in re.split(r"[\W\d_]+", apart) if word]
 
 
 def _split(name: str) -> tuple[str | None, str]:
@@ -90,5 +116,5 @@ def _split(name: str) -> tuple[str | None, str]:
     for mark in _MARKS:
         if found := mark.search(name):
             start, end = found.span(1)
-            return ("left" if found[1].lower().startswith("l") else "right"), f"{name[:start]}_{name[end:]}"
+            return ("left" if found[1][0] in "lL左" else "right"), f"{name[:start]}_{name[end:]}"
     return None, name

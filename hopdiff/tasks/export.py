@@ -129,7 +129,7 @@ def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> Written:
     if exports.target is not None:
         takes = on_target(takes, exports.target, exports.retarget)
         suffix = exports.target.suffix
-        lots = [("retargeted", takes)] if suffix == ".glb" or len(takes) == 1 else []
+        lots = [("retargeted", takes)] if suffix != ".bvh" or len(takes) == 1 else []
         for name, lot in lots or [(f"retargeted_{plain(take.name)}", [take]) for take in takes]:
             path = folder / f"{name}{suffix}"
             checks += write_retargeted(path, lot, exports.target)

@@ -1,7 +1,7 @@
 """Skeletons as programs write them: names, which hangs on which, and what parts of ours they are.
 
-A table for tests and experiments, from the files of `families`, without places: whoever makes a body puts the parts where a human of 1.7 m in T pose
-has them, and every other joint beside its parent. Axes: x left, y up, z forward, metres.
+A table for tests and experiments, from the files of `families`, without places: whoever makes a body puts the parts
+where a human of 1.7 m in T pose has them, and every other joint beside its parent. Axes: x left, y up, z forward; m.
 """
 
 from __future__ import annotations

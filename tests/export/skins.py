@@ -1,4 +1,4 @@
-"""What a program that plays a GLB file shows: its skins in motion, by the words of the specification and nothing else."""
+"""What a program that plays a GLB file shows: its skins in motion, by the words of the specification."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Played:
 
     @cached_property
     def skinned(self) -> list[tuple[Floats, NDArray[np.int64], NDArray[np.int64], Floats, Floats, list[int]]]:
-        """Of every skinned primitive: vertices as stored, edges, joints (V, 4), weights, inverse bind matrices, nodes."""
+        """Of every skinned primitive: vertices as stored, edges, joints (V, 4), weights, inverses, nodes."""
         found = []
         for node in self.content["nodes"]:
             if "mesh" not in node or "skin" not in node:

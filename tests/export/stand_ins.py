@@ -1,7 +1,7 @@
 """Characters of nobody: bodies with a skin on the skeletons that programs write, as GLB files, and what files may do.
 
-A body is a few tubes and boxes, 1.7 m high in T pose, facing +z, soles on the ground. Each limb's skin is joined to what
-it hangs on, so that a limb that stays behind tears it.
+A body is a few tubes and boxes, 1.7 m high in T pose, facing +z, soles on the ground. Each limb's skin is joined to
+what it hangs on, so that a limb that stays behind tears it.
 """
 
 from __future__ import annotations
@@ -40,16 +40,22 @@ LIMBS = {
 HANDS, CROWN = 0.85, 1.72  # m from the middle to the finger tips, and up to the top of the head
 # What a part's skin is on where a skeleton lacks the part.
 INSTEAD = {
-    **{"waist": "pelvis", "chest": "waist", "upper_chest": "chest", "neck": "upper_chest", "head": "neck"},
-    **{"collar": "upper_chest", "toe": "ankle", "wrist": "elbow"},
+    "waist": "pelvis",
+    "chest": "waist",
+    "upper_chest": "chest",
+    "neck": "upper_chest",
+    "head": "neck",
+    "collar": "upper_chest",
+    "toe": "ankle",
+    "wrist": "elbow",
 }
 RING = 6  # vertices around a limb
 
 
 @dataclass
 class Rig:
-    """places: (J, 3) [m]. hangs: (J) what each joint moves with; parents: what it hangs on in the file. vertices: (V, 3)
-    with weights (V, J). frames: (J, 3, 3) of the joints. pose: (J, 4, 4) what moves each joint's skin from there to
+    """places: (J, 3) [m]. hangs: (J) what each joint moves with; parents: what it hangs on in the file. vertices: (V,
+    3) with weights (V, J). frames: (J, 3, 3) of the joints. pose: (J, 4, 4) what moves each joint's skin from there to
     where nodes stand. top: (4, 4) above all joints. size: (J, 3) of the joints' frames."""
 
     names: list[str]

@@ -252,7 +252,7 @@ def test_bodies_that_cannot_be(tmp_path: Path) -> None:
     for names, message in (("mixammo", "Did you mean 'mixamo'"), ("unreal_mannequin", "no joint 'pelvis'")):
         with pytest.raises(HopdiffError, match=message):
             read_target(path, names)
-    with pytest.raises(HopdiffError, match=r"body\.fbx: a skeleton is read from a \.bvh or a \.glb file"):
+    with pytest.raises(HopdiffError, match=r"body\.fbx: a skeleton is read from a \.bvh, \.glb or \.vrm file"):
         read_target(tmp_path / "body.fbx")
     (tmp_path / "bare.glb").write_bytes(glb({"asset": {"version": "2.0"}, "nodes": [{"name": "a"}]}))
     with pytest.raises(HopdiffError, match=r"bare\.glb: it has no skin"):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from hopdiff.export.retarget import read_target, retargeted, write_retargeted
+from hopdiff.types import HopdiffError
 from tests.export.rig_families import FAMILIES
 from tests.export.skins import Played
 from tests.export.stand_ins import ALL, stand_in
@@ -20,6 +21,8 @@ WIDELY_USED = (
     *("smpl", "quaternius", "makehuman", "numbered"),
 )
 AGAINST = {"mirrored": {"backwards"}}  # what is one thing twice
+# Where names do not tell, feet that hang elsewhere leave no legs to be seen: refused.
+UNKNOWN = {("numbered", "ik_feet")}
 PAIRS = [pair for pair in combinations(ALL, 2) if pair[1] not in AGAINST.get(pair[0], ())]
 LOOKS = 12
 
@@ -32,6 +35,10 @@ def parts_of(family: str) -> dict[str, str]:
 def look(path: Path, family: str, properties: tuple[str, ...]) -> None:
     """Put a run on a stand-in and see that it runs as a person does."""
     path.write_bytes(stand_in(family, *properties))
+    if any((family, name) in UNKNOWN for name in properties):
+        with pytest.raises(HopdiffError, match=r"names do not tell them: see retarget\.names"):
+            read_target(path)
+        return
     target = read_target(path)
     take = retargeted(own(), target)
     checks = write_retargeted(path.with_name("out.glb"), [take], target)
@@ -70,7 +77,7 @@ def look(path: Path, family: str, properties: tuple[str, ...]) -> None:
             assert off[2] > -0.01
             if stands[k] and not stands[1 - k]:
                 low = np.concatenate(shapes)[np.concatenate([shape[:, 1] for shape in shapes]).argmin()]
-                assert np.linalg.norm(low - ankle) < 0.3
+                assert np.linalg.norm(low - ankle) < 0.35
         assert worlds[nodes["left_hip"]][0, 3] > worlds[nodes["right_hip"]][0, 3]
         head = nodes["head" if "head" in nodes else "pelvis"]
         moved = next(worlds[head] @ inverse[of.index(head)] for *_, inverse, of in played.skinned if head in of)
