@@ -17,10 +17,11 @@ Writer = Callable[[Path, Sequence[Take], Any], None]
 class Format:
     """suffix: of its files, with the dot. write: see `Writer`. together: whether a file holds several motions;
     otherwise it is given one. check: raises HopdiffError where these settings cannot be had on this machine, before
-    any motion is made.
+    any motion is made. others: endings that a file's name may have instead of `suffix`.
     """
 
     suffix: str
     write: Writer
     together: bool = False
     check: Callable[[Any], object] | None = None
+    others: tuple[str, ...] = ()

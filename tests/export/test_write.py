@@ -122,7 +122,7 @@ def test_names_are_told_apart() -> None:
         ("order=XXY", "Unknown exports.glb.order"),
         ("root=fixed", "Unknown exports.glb.root"),
         ("file=a/b", "exports.glb.file must be the name of a file"),
-        ("kind=usd", "Unknown exports.glb.kind"),
+        ("kind=obj", "Unknown exports.glb.kind"),
     ],
 )
 def test_settings_that_cannot_be_get_one_sentence(setting: str, message: str) -> None:
