@@ -78,6 +78,9 @@ def look(
     frames = {take.name: looked_up(take.frames) for take in takes}
     times = {take.name: [k * take.clip.frame_time for k in frames[take.name]] for take in takes}
     job: dict[str, Any] = {"kind": kind, "file": str(file), "options": options or {}, "fps": FPS, "times": times}
+    if kind == "usd":
+        # The importer leaves the scene's frame rate to its user.
+        job["fps_base"] = FPS * takes[0].clip.frame_time
     if picture is not None:
         job |= {"picture": str(picture[0].resolve()), "picture_time": picture[1], "picture_name": picture[2]}
     with tempfile.TemporaryDirectory() as folder:
@@ -88,7 +91,7 @@ def look(
     names = [take.name for take in takes]
     seen = []
     for one in found["animations"]:
-        k = names.index(one["name"]) if kind != "bvh" else 0
+        k = names.index(one["name"]) if kind not in ("bvh", "usd") else 0
         seen.append(compared(one, takes[k], runs[k], frames[names[k]], found["fps"], found["blender"]))
     return seen
 

@@ -1,9 +1,9 @@
 """Opens an exported file in Blender and tells what is there. Run by Blender's own Python: in_blender.py JOB ANSWER
 
-JOB and ANSWER are JSON files. A job names the file, its kind (glb, bvh or fbx), options of the importer, the scene's
-frame rate before, and by animation the times [s] at which bones are looked up; with "picture" also a PNG file to be
-rendered, and its time and motion. The answer has, for every animation, heads of bones in Blender's world, how many keys
-there are, and how long it plays.
+JOB and ANSWER are JSON files. A job names the file, its kind (glb, bvh, fbx or usd), options of the importer, the
+scene's frame rate before, and by animation the times [s] at which bones are looked up; with "picture" also a PNG file
+to be rendered, and its time and motion. The answer has, for every animation, heads of bones in Blender's world, how
+many keys there are, and how long it plays.
 """
 
 from __future__ import annotations
@@ -22,13 +22,18 @@ def main(job_file: str, answer_file: str) -> None:
     job = json.loads(Path(job_file).read_text(encoding="utf-8"))
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    scene.render.fps, scene.render.fps_base = job["fps"], 1.0
-    importers = {"glb": bpy.ops.import_scene.gltf, "bvh": bpy.ops.import_anim.bvh, "fbx": bpy.ops.import_scene.fbx}
+    scene.render.fps, scene.render.fps_base = job["fps"], job.get("fps_base", 1.0)
+    importers = {
+        "glb": bpy.ops.import_scene.gltf,
+        "bvh": bpy.ops.import_anim.bvh,
+        "fbx": bpy.ops.import_scene.fbx,
+        "usd": bpy.ops.wm.usd_import,
+    }
     importers[job["kind"]](filepath=job["file"], **job["options"])
     rate = scene.render.fps / scene.render.fps_base
     armatures = [thing for thing in scene.objects if thing.type == "ARMATURE"]
     # Blender's importers count frames, those of glTF and FBX at this many a second.
-    counted = rate if job["kind"] == "bvh" else float(scene.render.fps)
+    counted = rate if job["kind"] in ("bvh", "usd") else float(scene.render.fps)
     found = []
     for armature in armatures:
         for action, slot in animations(armature):

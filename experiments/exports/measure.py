@@ -29,7 +29,7 @@ from hopdiff.io.files import write_whole
 
 MINUTE, FRAME_RATE = 60.0, 60.0  # s and frames/s of the motion whose writing is timed
 SKATED = 10.0  # s of a loop that is laid end to end to be scored
-PLAYED = ("glb", "bvh", "fbx")  # kinds that Blender opens
+PLAYED = ("glb", "bvh", "fbx", "usd")  # kinds that Blender opens
 
 Row = tuple[str, ...]
 

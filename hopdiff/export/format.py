@@ -17,7 +17,8 @@ Writer = Callable[[Path, Sequence[Take], Any], None]
 class Format:
     """suffix: of its files, with the dot. write: see `Writer`. together: whether a file holds several motions;
     otherwise it is given one. axes: whether its joints may be turned in the rest pose. check: raises HopdiffError where
-    these settings cannot be had on this machine, before any motion is made.
+    these settings cannot be had on this machine, before any motion is made. others: endings that a file's name may have
+    instead of `suffix`.
     """
 
     suffix: str
@@ -25,3 +26,4 @@ class Format:
     together: bool = False
     axes: bool = False
     check: Callable[[Any], object] | None = None
+    others: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """Shaded pictures of triangles with a transparent background, drawn by NumPy alone.
 
 What draws meshes in Python otherwise needs a graphics card or OpenGL, or is larger than all of hopdiff. A z-buffer of
-OVER x OVER samples a pixel is all that a figure needs: a picture of 128 pixels takes about 0.05 s on one core.
+OVER x OVER samples a pixel is all that a figure needs: a picture of 128 pixels takes about 0.04 s on one core.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ def _band(
     )
     whole = np.zeros((width * height, 4))
     whole[at, :3], whole[at, 3] = _shaded(np.asarray(normal), np.asarray(colour)), 1.0
-    blocks: Floats = whole.reshape(height // OVER, OVER, width // OVER, OVER, 4).mean(axis=(1, 3))
+    rows: Floats = whole.reshape(height // OVER, OVER, -1).sum(axis=1)
+    blocks: Floats = rows.reshape(height // OVER, width // OVER, OVER, 4).sum(axis=2) / OVER**2
     return blocks
 
 

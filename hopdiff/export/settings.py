@@ -144,9 +144,9 @@ class ExportSettings(ClipSettings):
 
     def file_name(self, name: str) -> str:
         """The name of the file of exports.NAME."""
-        ending = self.format.suffix
+        ending, others = self.format.suffix, self.format.others
         given = self.file or f"motion_{name}"
-        return given if given.lower().endswith(ending) else given + ending
+        return given if given.lower().endswith((ending, *others)) else given + ending
 
     @property
     def format(self) -> Format:

@@ -124,7 +124,7 @@ def test_names_are_told_apart() -> None:
         ("clip='Run{pace}'", r"exports.glb.clip must be a name.*'Run\{pace\}'"),
         ("clip=[Run,2]", r"exports.glb.clip must be a name.*not 2"),
         ("file=a/b", "exports.glb.file must be the name of a file"),
-        ("kind=usd", "Unknown exports.glb.kind"),
+        ("kind=obj", "Unknown exports.glb.kind"),
     ],
 )
 def test_settings_that_cannot_be_get_one_sentence(setting: str, message: str) -> None:

@@ -85,6 +85,14 @@ def test_blender_shows_what_it_made_of_them_as_fbx(blender: str, files: list[Exp
     assert made[0].path.read_bytes().count(b"LeftDown") >= len(made[0].takes)
 
 
+def test_blender_shows_usd_as_it_was_written(blender: str, files: list[Exported], tmp_path: Path) -> None:
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    from experiments.exports.measure import export_all
+    from experiments.exports.runs import presets
+
+    check(blender, export_all(files[0].runs + files[1].runs, {"usd": presets()["usd"]}, tmp_path))
+
+
 def test_blenders_picture_shows_a_body_that_stands_upright(blender: str, files: list[Exported], tmp_path: Path) -> None:
     from experiments.exports.blender import look
 
