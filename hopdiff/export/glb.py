@@ -40,12 +40,19 @@ def write_glb(path: str | os.PathLike[str], takes: Sequence[Take], axes: str = "
     write_whole(path, glb_bytes(takes, axes))
 
 
-def glb_bytes(takes: Sequence[Take], axes: str = "world", swapped: bool = True) -> bytes:
+def glb_bytes(
+    takes: Sequence[Take],
+    axes: str = "world",
+    swapped: bool = True,
+    bare: bool = False,
+    extensions: Mapping[str, Any] | None = None,
+) -> bytes:
     """The GLB file of some takes: a skinned body for each skeleton among them, an animation for each take.
 
     axes, swapped: of the joints in the rest pose, see `joint_axes`; the body moves alike whatever they are.
     Every joint is a node and belongs to the skin; the root joint carries the translation. Keys are linear, at the
-    takes' own frames from time 0. Raises HopdiffError if there is no take, a take has no frame, or holds a number that
+    takes' own frames from time 0. bare: whether there are joints alone, without skin and mesh. extensions: of the file,
+    by their names. Raises HopdiffError if there is no take, a take has no frame, or holds a number that
     is not finite, or two takes have one name.
     """
     if not takes:
@@ -60,12 +67,13 @@ def glb_bytes(takes: Sequence[Take], axes: str = "world", swapped: bool = True) 
         if names.count(take.name) > 1:
             raise HopdiffError(f"two motions are called {take.name!r}; a GLB file needs different names.")
     file = _Writer(lambda skeleton: joint_axes(skeleton, axes, swapped))
+    file.extensions |= extensions or {}
     bodies: list[tuple[Skeleton, int]] = []
     for take in takes:
         skeleton = take.clip.skeleton
         first = next((start for other, start in bodies if _same(other, skeleton)), None)
         if first is None:
-            first = file.add_body(take, f"body_{len(bodies) + 1}" if bodies else "body")
+            first = file.add_body(take, f"body_{len(bodies) + 1}" if bodies else "body", bare)
             bodies.append((skeleton, first))
         file.add_animation(take, first)
     return file.bytes()
@@ -84,9 +92,10 @@ class _Writer:
         self.accessors: list[dict[str, Any]] = []
         self.views: list[dict[str, Any]] = []
         self.data = bytearray()
+        self.extensions: dict[str, Any] = {}
 
-    def add_body(self, take: Take, name: str) -> int:
-        """Nodes, skin and mesh of a take's skeleton; returns the node of its root joint."""
+    def add_body(self, take: Take, name: str, bare: bool = False) -> int:
+        """Nodes, skin and mesh of a take's skeleton, or nodes alone; returns the node of its root joint."""
         skeleton = take.clip.skeleton
         first = len(self.nodes)
         rest = skeleton.offsets.clone()
@@ -103,6 +112,8 @@ class _Writer:
                 node["children"] = [first + child for child in children]
             self.nodes.append(node)
         self.roots.append(first)
+        if bare:
+            return first
         straight = torch.eye(3, dtype=torch.float64).expand(1, len(rest), 3, 3)
         places = skeleton.forward(rest[:1], straight)[0][0].numpy()
         # From the rest pose to a joint's own frame: moved, then turned; glTF has columns one after the other.
@@ -198,12 +209,15 @@ class _Writer:
             "scene": 0,
             "scenes": [{"nodes": self.roots}],
             "nodes": self.nodes,
-            "skins": self.skins,
             "animations": self.animations,
             "accessors": self.accessors,
             "bufferViews": self.views,
             "buffers": [{"byteLength": len(self.data)}],
         }
+        if self.skins:
+            content["skins"] = self.skins
+        if self.extensions:
+            content |= {"extensionsUsed": list(self.extensions), "extensions": self.extensions}
         if self.meshes:
             content |= {"meshes": self.meshes, "materials": [_material(side) for side in COLOURS]}
         text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()

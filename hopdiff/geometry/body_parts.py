@@ -121,19 +121,18 @@ def _legs_in(skeleton: Skeleton, place: Tensor, skin: Collection[int]) -> tuple[
     if found is None:
         return ()
     legs = [Leg(side, one.upper, one.middle, one.lower, None) for side, one in zip(SIDES, found, strict=True)]
-    legs = [replace(leg, toe=_toe(skeleton, place, leg)) for leg in legs]
+    legs = [replace(leg, toe=toe_of(skeleton, place, one.lower)) for leg, one in zip(legs, found, strict=True)]
     ahead = [float(place[leg.toe, 2] - place[leg.ankle, 2]) for leg in legs if leg.toe is not None]
     if ahead and max(ahead) < 0.0:
         legs = [replace(leg, side=side) for side, leg in zip(SIDES, legs[::-1], strict=True)]
     return tuple(legs)
 
 
-def _toe(skeleton: Skeleton, place: Tensor, leg: Leg) -> int | None:
-    """Going out from the ankle, the first joint that is low, or else the first."""
-    assert leg.ankle is not None
-    way = [leg.ankle]
+def toe_of(skeleton: Skeleton, place: Tensor, ankle: int) -> int | None:
+    """Going out from an ankle, the first joint that is low, or else the first; by shape. place: (J, 3) at rest [m]."""
+    way = [ankle]
     while children := [child for child in skeleton.children(way[-1]) if not is_helper(skeleton.names[child])]:
-        far = [float((place[child] - place[leg.ankle])[[0, 2]].norm()) for child in children]
+        far = [float((place[child] - place[ankle])[[0, 2]].norm()) for child in children]
         way.append(children[far.index(max(far))])
     if len(way) == 1:
         return None

@@ -32,7 +32,7 @@ _BEHIND = ("bend", "stretch", "jnt", "jt", "bone", "bn")
 WORDS: Mapping[str, tuple[str, ...]] = {
     "hip": ("upleg", "upperleg", "legupper", "thigh", "hip", "femur", "足d", "足", "leg"),
     "knee": ("leg", "lowleg", "lowerleg", "leglower", "loleg", "calf", "shin", "knee", "tibia", "ひざd", "ひざ", "膝"),
-    "ankle": ("foot", "ankle", "足首d", "足首"),
+    "ankle": ("ankle", "foot", "足首d", "足首"),
     "toe": ("toe", "toes", "toebase", "ball", "足先ex", "つま先"),
     "collar": ("clavicle", "collar", "collarbone", "shoulder", "scapula", "肩"),
     "shoulder": ("arm", "upperarm", "uparm", "armupper", "humerus", "shoulder", "shldr", "shld", "腕"),
@@ -42,13 +42,14 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "neck": ("neck", "necktwist", "necklower", "首"),
     "head": ("head", "skull", "頭"),
 }
-# Words of joints that help others to move, hold things or end a chain: none of them is a part of a body. Those of the
-# second kind copy the parts' own: they are taken where there is nothing else.
+# Words of joints that help others to move, hold things, or end a chain: none of them is a part of a body. Some copy the
+# parts' own: they are taken where there is nothing else.
 _HELP = (
-    *("twist", "roll", "ik", "fk", "pole", "target", "ctrl", "control", "nub", "end", "leaf", "null", "helper"),
+    *("twist", "roll", "ik", "fk", "pole", "target", "ctrl", "control", "null", "helper"),
     *("corrective", "prop", "weapon", "socket", "attachment", "dummy", "sec", "effector", "mch", "tweak"),
 )
 _COPY = ("org",)
+_END = ("nub", "end", "leaf")
 # What names have in them that may be of a part, also of its ends and of what lies in it.
 _LIKE = {
     "head": re.compile(r"head|skull", re.IGNORECASE),
@@ -78,7 +79,12 @@ def plain_name(name: str) -> tuple[str | None, str]:
 
 def is_helper(name: str) -> bool:
     """Whether a name has a word of joints that are no part of a body, such as those that share a twist."""
-    return not set(_HELP).isdisjoint(_words(_split(_bare(name))[1]))
+    return not set(_HELP + _END).isdisjoint(_words(_split(_bare(name))[1]))
+
+
+def is_end(name: str) -> bool:
+    """Whether a name has a word of joints that mark where a bone ends."""
+    return not set(_END).isdisjoint(_words(_split(_bare(name))[1]))
 
 
 def is_copy(name: str) -> bool:

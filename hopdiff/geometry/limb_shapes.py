@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdiff.geometry.joint_names import is_helper, plain_name
+from hopdiff.geometry.joint_names import is_end, is_helper, plain_name
 from hopdiff.geometry.skeleton import Skeleton
 
 ASIDE = 0.01  # of the body's size from which on a joint belongs to a side
@@ -25,9 +25,10 @@ SHORTEST_ARM = 0.1  # of the body's size
 SHOULDERS = 0.25  # of the way from the hips to the top at which arms begin at least
 # How like a limb three joints are, in doublings of its length. The weights are set by hand on skeletons of many
 # programs, which tests hold.
-PIECE = 0.3  # for every joint on the way that is none of the three
+PIECE = 0.3  # for every joint on the way that is none of the three, and of a leg for those of its own before it
+MARK = 0.7  # where the lower one but marks the end of a bone
+BENT = 2.0  # for a leg that goes nowhere
 HAND, TIP = 0.5, 0.2  # where several chains begin at the lower joint, or nothing hangs on it
-STEEP = 4.0  # for a leg that hangs straight down
 FOOT = 0.5  # where something stands out ahead or behind of the lower joint
 HIGH = 2.0  # for a leg's end as high as its hip
 FAR = 0.3  # for every joint of the trunk between pelvis and arm
@@ -100,11 +101,13 @@ class Shape:
         one, other = (self.length(*pair) for pair in ((limb.upper, limb.middle), (limb.middle, limb.lower)))
         if min(one, other) < 1e-6 or max(one, other) > UNLIKE * min(one, other):
             return None
-        if any(is_helper(names[joint]) for joint in (limb.upper, limb.middle, limb.lower)):
+        if any(is_helper(names[joint]) for joint in (limb.upper, limb.middle)):
+            return None
+        if is_helper(names[limb.lower]) and not is_end(names[limb.lower]):
             return None
         above = self.skeleton.above(limb.lower)
         score = float(np.log2(one + other) - abs(np.log2(one / other)))
-        score -= PIECE * (above.index(limb.upper) - 1)
+        score -= PIECE * (above.index(limb.upper) - 1) + MARK * is_helper(names[limb.lower])
         return score + CARRIED * (bool(self.skin) and {limb.upper, limb.middle, limb.lower} <= set(self.skin))
 
     def hanging(self, joint: int) -> int:
@@ -134,8 +137,9 @@ def legs_in(shape: Shape) -> tuple[Limb, Limb] | None:
         long = shape.length(left.upper, left.middle) + shape.length(left.middle, left.lower)
         if hip[1] - ankle[1] < max(HANGING * long, SHORTEST_LEG * np.ptp(place[:, 1])):
             continue
-        score -= HIGH * (ankle[1] - ground) / (hip[1] - ground)
-        score += STEEP * (hip[1] - ankle[1]) / long
+        score -= HIGH * (ankle[1] - ground) / (hip[1] - ground) + BENT * (1.0 - (hip[1] - ankle[1]) / long)
+        above, others = (shape.skeleton.above(limb.upper) for limb in (left, right))
+        score -= PIECE * len([joint for joint in above if joint not in others])
         score += FOOT * _stands_out(shape, left.lower, long)
         score += 0.0 if shape.hanging(left.lower) else TIP
         if best is None or score > high:

@@ -34,7 +34,7 @@ JOINTS = (
     *(f"left_{part}" for part in ("hip", "knee", "ankle", "toe")),
     *(f"right_{part}" for part in ("hip", "knee", "ankle", "toe")),
 )
-_PARENTS = {
+PARENTS = {
     "waist": "pelvis",
     "chest": "waist",
     "upper_chest": "chest",
@@ -90,7 +90,7 @@ def full_skeleton(skeleton: Skeleton, shoe: float = 0.0) -> Skeleton:
         }
         ends[f"{side}_wrist"] = (1.0 - WRIST) * hand
         ends[f"{side}_toe"] = shank.new_tensor((0.0, 0.0, (TOE_TIP - BALL) * size))
-    parents = tuple(JOINTS.index(_PARENTS[name]) if name in _PARENTS else -1 for name in JOINTS)
+    parents = tuple(JOINTS.index(PARENTS[name]) if name in PARENTS else -1 for name in JOINTS)
     return Skeleton(JOINTS, parents, torch.stack([places[name] for name in JOINTS]), ends)
 
 
