@@ -16,8 +16,8 @@ import torch
 from numpy.typing import NDArray
 
 from hopdiff import __version__
+from hopdiff.export.body.loft import Surface
 from hopdiff.export.body_mesh import body_mesh
-from hopdiff.export.loft import Surface
 from hopdiff.export.pose import root_height
 from hopdiff.export.take import Take
 from hopdiff.geometry.quaternion import quaternions
