@@ -18,9 +18,9 @@ from torch import Tensor
 
 from hopdiff import __version__
 from hopdiff.export.axes import joint_axes
+from hopdiff.export.body.loft import Surface
 from hopdiff.export.body_mesh import body_mesh
 from hopdiff.export.contact_events import told
-from hopdiff.export.loft import Surface
 from hopdiff.export.pose import root_height
 from hopdiff.export.take import Take
 from hopdiff.geometry.quaternion import quaternions
