@@ -32,6 +32,8 @@ def one_stride(take: Take, keys: int) -> Take:
     if not downs:
         raise HopdiffError(f"keys={keys}: {take.name} has no touchdown of the left foot, with which a stride begins.")
     step, duration = take.clip.frame_time, take.clip.duration
+    if take.frames == keys + 1 and len(downs) == 1 and downs[0] < SAME * step:
+        return _from_origin(take)
     stride = (downs[1] if len(downs) > 1 else downs[0] + duration) - downs[0]
     times = downs[0] + stride * torch.arange(keys + 1, dtype=torch.float64) / keys
     found = take.repeated(2).at(times / step, stride / keys)

@@ -91,8 +91,11 @@ def _filled(name: str, take: Take) -> str:
 def in_place(take: Take, rest: Tensor | None = None) -> Take:
     """The motion on the spot, heading along +z: without its steady way over the ground; sway and bounce stay.
 
-    rest: (3, 3) rotation of the root joint with which the body faces +z in its rest pose; none if not given.
+    What is on the spot stays as it is. rest: (3, 3) rotation of the root joint with which the body faces +z in its rest
+    pose; none if not given.
     """
+    if take.way is not None:
+        return take
     clip = take.clip
     facing = take
     if rest is not None:

@@ -133,7 +133,10 @@ class Take:
         if self.way is not None:
             further = self.way[-1] - self.way[0]
             others["way"] = torch.cat((self.way[:1], *(self.way[1:] + k * further for k in range(count))))
-        return replace(self, clip=repeated(self.clip, count), **others)
+        clip = repeated(self.clip, count)
+        if (moving := self.clip.offsets) is not None:
+            clip = replace(clip, offsets=torch.cat((moving[:1], *(moving[1:] for _ in range(count)))))
+        return replace(self, clip=clip, **others)
 
     def resampled(self, fps: float, exact: bool) -> Take:
         """The same motion, as fast, at other frames a second.
