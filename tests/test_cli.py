@@ -62,8 +62,9 @@ def test_help_is_a_page(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     for group, choices in {
         "model": "body, smooth, thesis",
         "search": "cmaes, ga, gradient, hybrid, ordinary, random",
-        "export": "bvh_blender, bvh_unity, bvh_unreal, csv, fbx, glb, glb_mixamo, glb_unreal, html, npz",
-        "task": "body, compare, edit, export, hopper, navigate, path, replay, run",
+        "export": "blendspace, bvh_blender, bvh_unity, bvh_unreal, csv, events, fbx, glb, glb_mixamo, glb_unreal, html,"
+        " npz",
+        "task": "blendspace, body, compare, edit, export, hopper, navigate, path, replay, run",
     }.items():
         assert f"{group}: {choices}" in out
     # Hydra puts all choices of a group on one line.

@@ -16,14 +16,15 @@ Writer = Callable[[Path, Sequence[Take], Any], None]
 @dataclass(frozen=True)
 class Format:
     """suffix: of its files, with the dot. write: see `Writer`. together: whether a file holds several motions;
-    otherwise it is given one. axes: whether its joints may be turned in the rest pose. check: raises HopdiffError where
-    these settings cannot be had on this machine, before any motion is made. others: endings that a file's name may have
-    instead of `suffix`.
+    otherwise it is given one. axes: whether its joints may be turned in the rest pose. beside: suffixes of what it
+    writes next to the file, under the same name. check: raises HopdiffError where these settings cannot be had on this
+    machine, before any motion is made. others: endings that a file's name may have instead of `suffix`.
     """
 
     suffix: str
     write: Writer
     together: bool = False
     axes: bool = False
+    beside: tuple[str, ...] = ()
     check: Callable[[Any], object] | None = None
     others: tuple[str, ...] = ()

@@ -71,7 +71,7 @@ def glb_bytes(
     bodies: list[tuple[Skeleton, int]] = []
     for take in takes:
         skeleton = take.clip.skeleton
-        first = next((start for other, start in bodies if _same(other, skeleton)), None)
+        first = next((start for other, start in bodies if same_body(other, skeleton)), None)
         if first is None:
             first = file.add_body(take, f"body_{len(bodies) + 1}" if bodies else "body", bare)
             bodies.append((skeleton, first))
@@ -232,7 +232,8 @@ class _Writer:
         )
 
 
-def _same(a: Skeleton, b: Skeleton) -> bool:
+def same_body(a: Skeleton, b: Skeleton) -> bool:
+    """Whether two skeletons have the same joints and bones; where their roots are says nothing."""
     alike = (a.names, a.parents) == (b.names, b.parents)
     return alike and bool(((a.offsets - b.offsets).abs() < ALIKE)[1:].all())
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdiff.export.body.loft import Surface, joined
 from hopdiff.export.body_mesh import body_mesh
 from hopdiff.export.glb import COLOURS
-from hopdiff.export.loft import Surface, joined
 from hopdiff.export.raster import GAMMA, drawn
 from hopdiff.export.skinning import joint_matrices, skinned, skinned_normals
 from hopdiff.export.take import Take

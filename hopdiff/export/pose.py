@@ -29,14 +29,14 @@ def with_rest_pose(take: Take, pose: str) -> Take:
     """
     skeleton = take.clip.skeleton
     turned = _arms_at(skeleton, math.radians(ARMS[pose]))
-    if take.clip.offsets is not None:
-        raise HopdiffError(f"rest={pose}: joints of {take.name} move against their parents.")
     above = torch.stack([turned[parent] if parent >= 0 else torch.eye(3).double() for parent in skeleton.parents])
     offsets = (above @ skeleton.offsets.unsqueeze(-1)).squeeze(-1)
     ends = {name: turned[skeleton.index(name)] @ end for name, end in skeleton.end_sites.items()}
     # A joint's frame is turned by G, its parent's by G_p: R becomes G_p R G^T, so that it leads to the same place.
     rotations = above @ take.clip.rotations @ turned.transpose(-1, -2)
-    clip = replace(take.clip, skeleton=Skeleton(skeleton.names, skeleton.parents, offsets, ends), rotations=rotations)
+    moving = None if take.clip.offsets is None else (above @ take.clip.offsets.unsqueeze(-1)).squeeze(-1)
+    whole = Skeleton(skeleton.names, skeleton.parents, offsets, ends)
+    clip = replace(take.clip, skeleton=whole, rotations=rotations, offsets=moving)
     return replace(take, clip=clip)
 
 

@@ -13,6 +13,7 @@ from hopdiff.editing.root_path import RootPath
 from hopdiff.export.anatomy import renamed
 from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.export.ground import ground_path
+from hopdiff.export.one_stride import one_stride
 from hopdiff.export.pose import mirrored, root_height, with_rest_pose
 from hopdiff.export.settings import ClipSettings, ExportSettings
 from hopdiff.export.take import Take
@@ -39,12 +40,14 @@ def prepared(take: Take, settings: ExportSettings) -> Take:
 
 
 def with_clip(take: Take, settings: ClipSettings) -> Take:
-    """The take mirrored, laid end to end, and at the frames that the settings ask for; it travels as before.
+    """The take mirrored, cut to a stride, laid end to end, and at the frames that the settings ask for; it travels.
 
     Raises HopdiffError, naming the setting, for what this motion does not allow.
     """
     if settings.mirrored:
         take = mirrored(take)
+    if settings.keys is not None:
+        take = one_stride(take, settings.keys)
     take = take.repeated(settings.cycles)
     return take if settings.fps is None else take.resampled(settings.fps, settings.frames == "exact")
 
@@ -88,8 +91,11 @@ def _filled(name: str, take: Take) -> str:
 def in_place(take: Take, rest: Tensor | None = None) -> Take:
     """The motion on the spot, heading along +z: without its steady way over the ground; sway and bounce stay.
 
-    rest: (3, 3) rotation of the root joint with which the body faces +z in its rest pose; none if not given.
+    What is on the spot stays as it is. rest: (3, 3) rotation of the root joint with which the body faces +z in its rest
+    pose; none if not given.
     """
+    if take.way is not None:
+        return take
     clip = take.clip
     facing = take
     if rest is not None:

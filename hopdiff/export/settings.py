@@ -15,11 +15,12 @@ from hopdiff.export.pose import ARMS
 from hopdiff.export.views import views_of
 from hopdiff.io.bvh import EULER_ORDERS
 from hopdiff.messages import choose
+from hopdiff.models.gait import LEAST_FRAMES
 from hopdiff.types import HopdiffError
 
 UNITS = {"m": 1.0, "cm": 100.0}  # file units in a metre
 MAX_FPS = 1000.0
-MAX_CYCLES = 10_000
+MAX_CYCLES, MAX_KEYS = 10_000, 10_000
 SIZES = (8, 2048)  # pixels
 IN_NAMES = ("name", "speed", "beta")  # what names of clips may be made of
 JOINTS, FRAMES, ROOTS, TOGETHER = (
@@ -36,7 +37,9 @@ class ClipSettings:
 
     fps [frames/s]: null leaves the frames as they are. frames: whole fits a whole number of frames into the motion, so
     that a loop ends on its first frame and its time is kept (frames then lie not quite 1 / fps apart); exact puts
-    frames exactly 1 / fps apart, and the last one then ends the motion up to a frame early.
+    frames exactly 1 / fps apart, and the last one then ends the motion up to a frame early. keys: of a run the stride
+    from one touchdown of the left foot to the next in this many equal parts, as blends of clips want it; null leaves
+    it.
     root: travelling or in_place. cycles: how often a loop is laid end to end. mirrored: left and right change places.
     clip: name of the clip, in which {name}, {speed} and {beta} stand for those of the run; a list for several clips;
     null leaves the run's name. loop_suffix: whether names of loops end in -loop, by which Godot's importer knows them.
@@ -44,6 +47,7 @@ class ClipSettings:
 
     fps: float | None = None
     frames: str = "whole"
+    keys: int | None = None
     root: str = "travelling"
     cycles: int = 1
     mirrored: bool = False
@@ -56,6 +60,12 @@ class ClipSettings:
         choose(f"{where}.root", self.root, ROOTS)
         if self.fps is not None and not (math.isfinite(self.fps) and 1.0 <= self.fps <= MAX_FPS):
             raise HopdiffError(f"{where}.fps must lie between 1 and {MAX_FPS:g} frames/s, not {self.fps:g}.")
+        if self.keys is not None and not LEAST_FRAMES <= self.keys <= MAX_KEYS:
+            raise HopdiffError(f"{where}.keys must lie between {LEAST_FRAMES} and {MAX_KEYS}, not {self.keys}.")
+        if self.keys is not None and self.fps is not None:
+            raise HopdiffError(
+                f"{where}.fps has no effect with {where}.keys, which divides the stride: set one of them."
+            )
         if not 1 <= self.cycles <= MAX_CYCLES:
             raise HopdiffError(f"{where}.cycles must lie between 1 and {MAX_CYCLES}, not {self.cycles}.")
         for name in self.clip_names:

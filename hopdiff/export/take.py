@@ -88,7 +88,7 @@ class Take:
         return cls(
             name,
             clip,
-            _closes(clip),
+            closes(clip),
             motion.contact.cpu(),
             motion.feet.double().cpu(),
             motion.com.double().cpu(),
@@ -106,14 +106,14 @@ class Take:
         clip = _plain(clip)
         legs = find_legs(clip.skeleton)
         if not legs or clip.frames < 2:
-            return cls(name, clip, _closes(clip), numbers=dict(numbers))
+            return cls(name, clip, closes(clip), numbers=dict(numbers))
         contacts = find_contacts(clip, legs)
         points = contact_points(clip, contacts)
         own = [[i for i, (leg, _) in enumerate(contacts.points) if leg == k] for k in range(len(legs))]
         if contact is None:
             contact = torch.stack([contacts.touching[:, one].any(dim=-1) for one in own], dim=-1)
         feet = torch.stack([points[:, one].mean(dim=1) for one in own], dim=1)
-        return cls(name, clip, _closes(clip), contact, feet, numbers=dict(numbers))
+        return cls(name, clip, closes(clip), contact, feet, numbers=dict(numbers))
 
     def repeated(self, count: int) -> Take:
         """A loop laid end to end. Raises HopdiffError, naming the take, for a motion that is no loop."""
@@ -133,7 +133,10 @@ class Take:
         if self.way is not None:
             further = self.way[-1] - self.way[0]
             others["way"] = torch.cat((self.way[:1], *(self.way[1:] + k * further for k in range(count))))
-        return replace(self, clip=repeated(self.clip, count), **others)
+        clip = repeated(self.clip, count)
+        if (moving := self.clip.offsets) is not None:
+            clip = replace(clip, offsets=torch.cat((moving[:1], *(moving[1:] for _ in range(count)))))
+        return replace(self, clip=clip, **others)
 
     def resampled(self, fps: float, exact: bool) -> Take:
         """The same motion, as fast, at other frames a second.
@@ -155,6 +158,10 @@ class Take:
         times = torch.arange(count + 1, dtype=torch.float64) * frame_time / self.clip.frame_time
         if len(times) == self.frames and float((times - torch.arange(self.frames)).abs().max()) < 1e-9:
             return self
+        return self.at(times, frame_time)
+
+    def at(self, times: Tensor, frame_time: float) -> Take:
+        """The motion at times (T,) [frames, from the first to the last], told to be frame_time [s] apart."""
         before = times.floor().long().clamp(0, self.frames - 2)
         share = (times - before).clamp(0.0, 1.0)
         share = torch.where(share < 1e-9, 0.0, torch.where(share > 1.0 - 1e-9, 1.0, share))
@@ -184,7 +191,7 @@ def _along(take: Take) -> dict[str, Any]:
     return {name: value for name, value in values.items() if isinstance(value, Tensor)}
 
 
-def _closes(clip: Clip) -> bool:
+def closes(clip: Clip) -> bool:
     """Whether a clip goes on where it began without a jump."""
     if not is_loop(clip):
         return False

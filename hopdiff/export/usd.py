@@ -19,9 +19,9 @@ except ImportError:
     Usd = None
 
 from hopdiff import __version__
+from hopdiff.export.body.loft import Surface, joined
 from hopdiff.export.body_mesh import body_mesh
 from hopdiff.export.glb import COLOURS
-from hopdiff.export.loft import Surface, joined
 from hopdiff.export.pose import root_height
 from hopdiff.export.skinning import joint_matrices, skinned
 from hopdiff.export.take import Take

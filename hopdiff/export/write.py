@@ -35,13 +35,18 @@ def write_exports(
             jobs.append((name, whole, ready, settings))
         else:
             jobs += [(name, whole.with_stem(f"{whole.stem}_{plain(take.name)}"), [take], settings) for take in ready]
-    different([path.name for _, path, _, _ in jobs])
+    different([one.name for _, path, _, settings in jobs for one in _all_of(path, settings)])
     for name, path, ready, settings in jobs:
         try:
             settings.format.write(path, ready, settings)
         except HopdiffError as error:
             raise HopdiffError(f"exports.{name}: {error}") from error
-    return [(path, ready[0]) for _, path, ready, _ in jobs]
+    return [(one, ready[0]) for _, path, ready, settings in jobs for one in _all_of(path, settings)]
+
+
+def _all_of(path: Path, settings: ExportSettings) -> list[Path]:
+    """A file and what is written beside it."""
+    return [path, *(path.with_suffix(suffix) for suffix in settings.format.beside)]
 
 
 def different(files: Sequence[str]) -> None:

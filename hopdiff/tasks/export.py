@@ -114,7 +114,12 @@ def sources_of(run: Any, runs: str | None) -> list[Path]:
 
 def export_result(folder: RunFolder, exports: Exports) -> None:
     """Write the motion of a run folder that was just made into that folder."""
-    written = _noted(folder, write_all([read_take(folder.path)], exports, folder.path))
+    export_takes(folder, [read_take(folder.path)], exports)
+
+
+def export_takes(folder: RunFolder, takes: Sequence[Take], exports: Exports) -> None:
+    """Write motions that were just made into a run folder, and tell the user of the files."""
+    written = _noted(folder, write_all(takes, exports, folder.path))
     rows = _rows(written.files) + _mapped(folder, exports, written)
     say("\n".join(f"{name:<9} {text}" for name, text in rows))
 

@@ -17,14 +17,22 @@ HEIGHTS = {"t": 0.0, "a": -(0.5**0.5), "straight": -1.0}  # of a bone of length 
 
 
 @pytest.mark.parametrize("pose", HEIGHTS)
-@pytest.mark.parametrize("body", ["own", "full", *WALKS])
+@pytest.mark.parametrize("body", ["own", "full", "moving", *WALKS])
 def test_joints_stay_where_they_are_in_every_rest_pose(body: str, pose: str) -> None:
-    take = {"own": own, "full": lambda: full_body(own())}.get(body, lambda: walked(body))()
+    ours = {"own": own, "full": lambda: full_body(own()), "moving": stretched}
+    take = ours.get(body, lambda: walked(body))()
     posed = with_rest_pose(take, pose)
     torch.testing.assert_close(posed.clip.joint_positions(), take.clip.joint_positions(), atol=1e-9, rtol=0)
     ends, before = posed.clip.end_positions(), take.clip.end_positions()
     for name in before:
         torch.testing.assert_close(ends[name], before[name], atol=1e-9, rtol=0)
+
+
+def stretched() -> Take:
+    """Bones that grow and shrink."""
+    take = full_body(own())
+    swing = 1.0 + 0.05 * torch.sin(torch.arange(take.frames).double())[:, None, None]
+    return replace(take, clip=replace(take.clip, offsets=swing * take.clip.skeleton.offsets))
 
 
 @pytest.mark.parametrize("pose", HEIGHTS)

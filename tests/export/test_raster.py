@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 import hopdiff.export.raster
-from hopdiff.export.loft import ellipsoid
+from hopdiff.export.body.loft import ellipsoid
 from hopdiff.export.raster import BLEED, drawn
 
 TOWARDS = np.array([0.0, 0.0, 1.0])

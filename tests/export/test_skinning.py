@@ -7,9 +7,9 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from hopdiff.export.body.loft import joined
 from hopdiff.export.body_mesh import body_mesh
 from hopdiff.export.full_body import full_body
-from hopdiff.export.loft import joined
 from hopdiff.export.skinning import joint_matrices, skinned, skinned_normals
 from tests.export.takes import own, walked
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import hopdiff.export.usd
+from hopdiff.export.body.loft import Surface
 from hopdiff.export.body_mesh import body_mesh
 from hopdiff.export.full_body import full_body
-from hopdiff.export.loft import Surface
 from hopdiff.export.prepare import prepared, with_ground_root
 from hopdiff.export.settings import ExportSettings
 from hopdiff.export.take import Take

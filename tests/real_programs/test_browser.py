@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from hopdiff.export.player import write_player
 from hopdiff.export.prepare import prepared
@@ -155,3 +156,46 @@ def test_a_body_that_has_run_for_hours_looks_the_same(tmp_path: Path, takes: lis
     # Only what little of the ground's grid crosses feet may differ.
     assert seen[0].mean() > 0.03
     assert float((seen[0] != seen[1]).sum()) < 0.005 * float(seen[0].sum())
+
+
+def test_a_blend_space_shows_what_its_point_says(tmp_path: Path, takes: list[Take]) -> None:
+    """Joints of the page against our own blend, at the clips and between them; the point is dragged."""
+    from experiments.exports.in_browser import opened
+    from hopdiff.export.blend_page import blend_page
+    from hopdiff.export.blend_space import BlendSpace, blend
+    from hopdiff.export.one_stride import one_stride
+
+    jog, brisk = (one_stride(take, 48) for take in takes)
+    second = replace(jog, name="second", numbers={**jog.numbers, "beta": 0.7})
+    fourth = replace(brisk, name="fourth", numbers={**brisk.numbers, "beta": 0.2})
+    space = BlendSpace.of([jog, brisk, second, fourth])
+    clips, file = list(space.clips.values()), tmp_path / "blend.html"
+    file.write_text(blend_page(space, space.index()), encoding="utf-8")
+    with opened(file) as (page, errors, requests):
+        page.wait_for_timeout(500)
+        assert page.evaluate("hopdiff.distance") > 0.2
+        page.evaluate("hopdiff.pause()")
+        for speed, beta, weights in (
+            (3.0, 0.2, (1.0, 0.0, 0.0, 0.0)),
+            (4.0, 0.45, (0.25, 0.25, 0.25, 0.25)),
+            (4.5, 0.6, (0.05, 0.2, 0.15, 0.6)),
+        ):
+            wanted = {(3.0, 0.2): 0, (3.0, 0.7): 1, (5.0, 0.2): 2, (5.0, 0.7): 3}
+            own = [weights[wanted[place]] for place in space.clips]
+            page.evaluate(f"hopdiff.choose({speed}, {beta})")
+            assert page.evaluate("hopdiff.weights") == pytest.approx(own)
+            for key in (0, 13, 40):
+                page.evaluate(f"hopdiff.setPhase({key / 48})")
+                found = torch.tensor(page.evaluate("hopdiff.positions()"), dtype=torch.float64)
+                ours = blend(clips, own).clip.joint_positions()[key]
+                # three.js goes on an arc from clip to clip, not straight to their sum.
+                assert float((found - ours).norm(dim=-1).max()) < 0.01
+        box = page.locator("#pad .point").bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        page.mouse.down()
+        page.mouse.move(box["x"] - 1000, box["y"] - 1000)
+        page.mouse.up()
+        corner = page.evaluate("hopdiff.weights")
+        assert corner[list(space.clips).index((3.0, 0.7))] == pytest.approx(1.0)
+        assert errors == []
+        assert requests == []

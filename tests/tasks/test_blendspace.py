@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from hopdiff.cli import main
+from hopdiff.composing import compose
+from hopdiff.config import build_job
+from hopdiff.effort.problem import BodyProblem
+from hopdiff.export.tables import read_npz
+from hopdiff.io.glb_file import read_glb
+from hopdiff.tasks.blendspace import begin_near
+from tests.export.gltf import Gltf
+from tests.export.rigs import armature, skeleton
+from tests.tasks.test_path import QUICK
+
+GRID = ("task=blendspace", "blendspace.speeds=[4,3]", "blendspace.betas=[0.2,0.7]")
+
+
+def call(monkeypatch: pytest.MonkeyPatch, folder: Path, *words: str) -> int:
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words, f"hydra.run.dir={folder}"])
+    return main()
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("grid") / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        assert call(patch, folder, *GRID, *QUICK) == 0
+    return folder
+
+
+def test_every_crossing_is_a_run_and_a_clip(grid: Path) -> None:
+    index = json.loads((grid / "blendspace.json").read_text())
+    assert (index["speeds"], index["betas"], index["missing"]) == ([3.0, 4.0], [0.2, 0.7], [])
+    assert [(clip["speed"], clip["beta"]) for clip in index["clips"]] == [(3, 0.2), (3, 0.7), (4, 0.2), (4, 0.7)]
+    file = Gltf.of((grid / "blendspace.glb").read_bytes())
+    assert [one["name"] for one in file.content["animations"]] == [clip["name"] for clip in index["clips"]]
+    for clip in index["clips"]:
+        own = grid / "runs" / f"v{clip['speed']:g}_beta{clip['beta']:g}"
+        metrics = json.loads((own / "metrics.json").read_text())
+        assert (metrics["speed"], metrics["beta"]) == (clip["speed"], clip["beta"])
+        assert read_npz(own / "motion.npz").clip.duration == pytest.approx(clip["stride_time"], abs=1e-6)
+    assert json.loads((grid / "status.json").read_text())["status"] == "complete"
+    assert (grid / "blendspace.html").stat().st_size > 500_000
+
+
+def test_finished_runs_are_a_space_too_and_need_not_be_all(
+    grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("task=export", f"runs={grid / 'runs'}", "export=[blendspace]")
+    assert call(monkeypatch, tmp_path / "whole", *words) == 0
+    ours, again = (json.loads((folder / "blendspace.json").read_text()) for folder in (grid, tmp_path / "whole"))
+    assert sorted(ours["clips"], key=lambda clip: clip["name"]) == sorted(again["clips"], key=lambda clip: clip["name"])
+    three = ",".join(str(grid / "runs" / name) for name in ("v3_beta0.2", "v3_beta0.7", "v4_beta0.7"))
+    assert call(monkeypatch, tmp_path / "part", "task=export", f"run=[{three}]", "export=[blendspace]") == 0
+    assert json.loads((tmp_path / "part" / "blendspace.json").read_text())["missing"] == [{"speed": 4.0, "beta": 0.2}]
+
+
+@pytest.mark.parametrize("rooted", [False, True])
+def test_a_space_on_another_body(grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rooted: bool) -> None:
+    """Also where a root on the ground carries the way, against which the pelvis moves."""
+    body = skeleton("unreal_mannequin", "a") if rooted else skeleton()
+    if rooted:
+        names, parents = ("root", *body.names), (-1, *(parent + 1 for parent in body.parents))
+        offsets = torch.cat((torch.zeros(1, 3).double(), body.offsets))
+        body = type(body)(names, parents, offsets, body.end_sites)
+    hero = tmp_path / "hero.glb"
+    hero.write_bytes(armature(body))
+    words = ("task=export", f"runs={grid / 'runs'}", "export=[blendspace]", f"retarget.skeleton={hero}")
+    assert call(monkeypatch, tmp_path / "out", *words, "retarget.keys=64", "retarget.root=in_place") == 0
+    index = json.loads((tmp_path / "out" / "blendspace.json").read_text())
+    assert len(index["clips"]) == 4
+    for clip in index["clips"]:
+        assert [event["name"] for event in clip["contacts"]] == ["LeftDown", "LeftUp", "RightDown", "RightUp"]
+        assert clip["contacts"][0]["phase"] == 0.0
+        assert clip["stride_length"] / clip["stride_time"] == pytest.approx(clip["speed"], rel=0.02)
+    # The body's own file has the same clips, beginning with the left foot, on the spot.
+    files = [Gltf.of(path.read_bytes()) for path in (tmp_path / "out").glob("retargeted*.glb")]
+    wanted, root = {clip["name"] for clip in index["clips"]}, read_glb(hero).skeleton().names[0]
+    clips = [(file, one) for file in files for one in file.content["animations"] if one["name"] in wanted]
+    assert {one["name"] for _, one in clips} == wanted
+    for file, one in clips:
+        longest = max((file.values(sampler["input"])[:, 0] for sampler in one["samplers"]), key=len)
+        assert len(longest) == 65
+        first, last = (file.places(one["name"], time)[root] for time in (longest[0], longest[-1]))
+        assert abs(last[2] - first[2]) < 0.01
+
+
+def test_a_search_begins_at_its_neighbour_where_that_costs_less() -> None:
+    job, other = (build_job(compose(["model=body", "speed=3.2", "beta=0.2"])) for _ in range(2))
+    assert isinstance(job.problem, BodyProblem)
+    assert isinstance(other.problem, BodyProblem)
+    start, spread = job.problem.start.clone(), job.problem.spread
+    worse = (start + 0.2).clamp(0.0, 1.0)
+    values = dict(zip(job.table.names, job.table.to_physical(worse).tolist(), strict=True))
+    begin_near(job, [values])
+    torch.testing.assert_close(job.problem.start, start)
+    # From a bad start the ordinary one is the better neighbour.
+    other.problem.start = worse
+    values = dict(zip(job.table.names, job.table.to_physical(start).tolist(), strict=True))
+    begin_near(other, [values])
+    torch.testing.assert_close(other.problem.start, start, atol=1e-9, rtol=0)
+    assert other.problem.spread < spread
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("blendspace.speeds=[]", "blendspace.speeds must be a list of different numbers"),
+        ("blendspace.betas=[0.2,0.2]", "blendspace.betas must be a list of different numbers"),
+        ("blendspace.speeds=[3,-1]", "speed must be a number above 0"),
+        ("blendspace.betas=[0.2,1.5]", "beta must be at least 0 and below 1"),
+        ("blendspace.keys=3", "blendspace.keys"),
+    ],
+)
+def test_what_cannot_be_leaves_no_folder(
+    word: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, tmp_path / "out", *GRID, *QUICK, word) != 0
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
