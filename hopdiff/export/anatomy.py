@@ -89,6 +89,8 @@ def parts_of(skeleton: Skeleton, skin: Collection[int] = ()) -> dict[str, int]:
 
     skin: the joints that carry the skin, where that is known.
     """
+    if set(JOINTS) <= set(skeleton.names):
+        return {part: skeleton.index(part) for part in JOINTS}
     return body_parts(skeleton, skin)
 
 

@@ -234,6 +234,7 @@ def test_motions_share_a_sheet_and_a_scale(tmp_path: Path) -> None:
             skeleton=replace(small, offsets=0.7 * small.offsets, end_sites=ends),
             root_position=0.7 * own().clip.root_position,
         ),
+        masses={part: 0.7**3 * mass for part, mass in (own().masses or {}).items()},
         feet=None if own().feet is None else 0.7 * own().feet,  # type: ignore[operator]
     )
     settings = preset("sprites", "fps=20", f"size={SIZE}")

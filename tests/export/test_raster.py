@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 
 import hopdiff.export.raster
-from hopdiff.export.body.loft import ellipsoid
 from hopdiff.export.raster import BLEED, drawn
 
 TOWARDS = np.array([0.0, 0.0, 1.0])
@@ -80,10 +80,10 @@ def test_edges_have_the_colour_of_what_they_bound() -> None:
 
 
 def ball() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    axes = tuple(20.0 * axis for axis in np.eye(3))
-    surface = ellipsoid(np.zeros(3), (axes[1], axes[0], axes[2]), 0)
+    sphere = trimesh.creation.icosphere(subdivisions=3, radius=20.0)
+    normals = sphere.vertices / 20.0
     # The picture's rows count downwards.
-    return surface.vertices * [1.0, -1.0, 1.0] + [32.0, 32.0, 0.0], surface.normals, surface.faces
+    return sphere.vertices * [1.0, -1.0, 1.0] + [32.0, 32.0, 0.0], normals, sphere.faces
 
 
 def test_a_ball_is_round_and_lit_from_above() -> None:
