@@ -177,16 +177,8 @@ class _Writer:
             moving = (back @ clip.offsets.unsqueeze(-1)).squeeze(-1)
             for joint in range(1, turns.shape[1]):
                 add(first + joint, "translation", moving[:, joint].numpy())
-        travel = clip.root_position[-1] - clip.root_position[0]
-        extras = {
-            "loop": take.loop,
-            "duration_s": clip.duration,
-            "frame_time_s": clip.frame_time,
-            "travel_m": _numbers(travel),
-            **_extras(take.numbers),
-            **told(take),
-        }
-        self.animations.append({"name": take.name, "channels": channels, "samplers": samplers, "extras": extras})
+        entry = {"name": take.name, "channels": channels, "samplers": samplers, "extras": clip_extras(take)}
+        self.animations.append(entry)
 
     def _times(self, times: NDArray[Any]) -> int:
         return self._add(times.astype(np.float32)[:, None], FLOAT, "SCALAR", bounds=True)
@@ -251,10 +243,18 @@ def _material(side: str) -> dict[str, Any]:
     return {"name": side, "pbrMetallicRoughness": shade}
 
 
-def _extras(numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """What is known of a run, as far as JSON can hold it."""
+def clip_extras(take: Take) -> dict[str, Any]:
+    """What is told with the animation of a take: its time, travel, contacts, and what is known of the run."""
+    clip, numbers = take.clip, take.numbers
     names = ("speed", "beta", "step_frequency", "stride_time", "energy_rate", "contact_time", "flight_time")
-    return {name: numbers[name] for name in names if isinstance(numbers.get(name), int | float)}
+    return {
+        "loop": take.loop,
+        "duration_s": clip.duration,
+        "frame_time_s": clip.frame_time,
+        "travel_m": _numbers(clip.root_position[-1] - clip.root_position[0]),
+        **{name: numbers[name] for name in names if isinstance(numbers.get(name), int | float)},
+        **told(take),
+    }
 
 
 def _numbers(values: Tensor) -> list[float]:

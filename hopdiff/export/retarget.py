@@ -18,6 +18,7 @@ from torch import Tensor
 
 from hopdiff.editing.leg_joints import SIDES
 from hopdiff.export.full_body import full_body, is_model_body
+from hopdiff.export.glb import clip_extras
 from hopdiff.export.hanging import TRUNK
 from hopdiff.export.mapping import few
 from hopdiff.export.planting import Sole, foot_points, planted
@@ -266,4 +267,4 @@ def _animation(take: Take, file: GlbFile) -> Animation:
     order = [clip.skeleton.index(name) for name in file.names]
     places, turns = clip.forward()
     times = clip.frame_time * torch.arange(clip.frames, dtype=torch.float64)
-    return Animation(take.name, times, places[:, order], turns[:, order])
+    return Animation(take.name, times, places[:, order], turns[:, order], clip_extras(take))

@@ -48,8 +48,8 @@ class Played:
     def _strided(self, view: int, offset: int, kind: np.dtype[Any], count: int, wide: int) -> Floats:
         own = self.content["bufferViews"][view]
         start, step = own.get("byteOffset", 0) + offset, own.get("byteStride", kind.itemsize * wide)
-        rows = [np.frombuffer(self.data, kind, wide, start + k * step) for k in range(count)]
-        return np.array(rows, dtype=np.float64).reshape(count, wide)
+        rows = np.ndarray((count, wide), kind, self.data, start, (step, kind.itemsize))
+        return rows.astype(np.float64)
 
     @cached_property
     def parents(self) -> dict[int, int]:

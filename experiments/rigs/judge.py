@@ -1,0 +1,85 @@
+"""What a character does in a file that hopdiff wrote, told by a reader that shares no code with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.export.skins import Played
+
+LOOKS = 24  # frames of a stride
+GROWN = 0.03  # m from which on an edge that has grown is looked at
+LOW, SHANK = 0.04, (0.08, 0.16)  # of the height: what touches the ground, and what is above the foot
+NEAR = 0.2  # of the height that a shank is from its foot
+
+
+@dataclass(frozen=True)
+class Seen:
+    """sole: farthest that the lowest vertex is from the ground while a foot stands [m]. sunk: deepest in any frame [m].
+    stretch: largest ratio of an edge to its length as stored, of those that grew by more than 3 cm. facing: from the
+    way to where standing feet point [deg]. height: of the character [m]. shape: (V, 3) in the middle of a contact."""
+
+    sole: float
+    sunk: float
+    stretch: float
+    facing: float
+    height: float
+    shape: NDArray[np.float64]
+
+
+def seen(path: Path, name: str, times: NDArray[np.float64], contact: NDArray[np.bool_], way: Sequence[float]) -> Seen:
+    """times: (T,) of the frames [s], contact: (T, 2), way: (x, z) where it goes."""
+    played = Played.of(path)
+    frames = np.unique(np.linspace(0, len(times) - 1, LOOKS).round().astype(int))
+    heights, stretch, soles, sunk, facing, scale, shape = [], [1.0], [0.0], [0.0], [], None, None
+    middles = _middles(contact)
+    for frame in sorted({*frames.tolist(), *middles}):
+        shapes = played.shape(played.worlds(name, float(times[frame])))
+        pairs = [(now[edges], at[edges]) for now, (at, edges, *_) in zip(shapes, played.skinned, strict=True)]
+        now, before = (np.concatenate([_lengths(pair[k]) for pair in pairs]) for k in (0, 1))
+        solid = before > 1e-9
+        scale = float(np.median(now[solid] / before[solid])) if scale is None else scale
+        grown = solid & (now - scale * before > GROWN)
+        stretch.append(float((now[grown] / (scale * before[grown])).max(initial=1.0)))
+        points = np.concatenate(shapes)
+        lowest = float(points[:, 1].min())
+        heights.append(float(np.ptp(points[:, 1])))
+        sunk.append(-lowest)
+        if contact[frame].any():
+            soles.append(abs(lowest))
+        if frame in middles:
+            shape = points
+            facing.append(_facing(points, heights[-1], way))
+    assert shape is not None, "a run has contacts"
+    return Seen(max(soles), max(sunk), max(stretch), float(np.median(facing)), max(heights), shape)
+
+
+def _middles(contact: NDArray[np.bool_]) -> list[int]:
+    """Frames in the middle of every contact of one foot alone."""
+    found = []
+    for k in range(2):
+        alone = contact[:, k] & ~contact[:, 1 - k]
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], alone.astype(int), [0]))))
+        found += [(first + last - 1) // 2 for first, last in edges.reshape(-1, 2).tolist()]
+    return found
+
+
+def _facing(points: NDArray[np.float64], height: float, way: Sequence[float]) -> float:
+    """Between the way and the line from shank to sole of the foot that stands [deg], seen from above."""
+    ground = points[:, 1].min()
+    low = points[points[:, 1] < ground + LOW * height][:, [0, 2]].mean(axis=0)
+    above = (points[:, 1] > ground + SHANK[0] * height) & (points[:, 1] < ground + SHANK[1] * height)
+    near = np.linalg.norm(points[:, [0, 2]] - low, axis=1) < NEAR * height
+    line = low - points[above & near][:, [0, 2]].mean(axis=0)
+    cosine = float(line @ np.array(way)) / float(np.linalg.norm(line) * np.linalg.norm(way))
+    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _lengths(ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(E,) of edges (E, 2, 3)."""
+    found: NDArray[np.float64] = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    return found
