@@ -21,7 +21,6 @@ from hopdiff.export.body_mesh import body_mesh
 from hopdiff.export.pose import root_height
 from hopdiff.export.take import Take
 from hopdiff.geometry.quaternion import quaternions
-from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.files import write_whole
 from hopdiff.types import HopdiffError
 
@@ -38,7 +37,7 @@ def write_glb(path: str | os.PathLike[str], takes: Sequence[Take]) -> None:
 
 
 def glb_bytes(takes: Sequence[Take]) -> bytes:
-    """The GLB file of some takes: a skinned body for each skeleton among them, an animation for each take.
+    """The GLB file of some takes: a skinned body for each that is among them, an animation for each take.
 
     Every joint is a node and belongs to the skin; the root joint carries the translation. Keys are linear, at the
     takes' own frames from time 0. Raises HopdiffError if there is no take, a take has no frame, or holds a number that
@@ -48,22 +47,43 @@ def glb_bytes(takes: Sequence[Take]) -> bytes:
         raise HopdiffError("cannot write a GLB file without a motion.")
     names = [take.name for take in takes]
     for take in takes:
-        tensors = (take.clip.root_position, take.clip.rotations, take.clip.skeleton.offsets)
-        if take.frames == 0:
-            raise HopdiffError(f"cannot write {take.name}: it has no frames.")
-        if not all(bool(torch.isfinite(values).all()) for values in tensors):
-            raise HopdiffError(f"cannot write {take.name}: the motion holds a number that is not finite.")
+        check(take)
         if names.count(take.name) > 1:
             raise HopdiffError(f"two motions are called {take.name!r}; a GLB file needs different names.")
     file = _Writer()
-    bodies: list[tuple[Skeleton, int]] = []
+    bodies, whose = bodies_of(takes)
+    firsts = [file.add_body(body, f"body_{k + 1}" if k else "body") for k, body in enumerate(bodies)]
+    for take, body in zip(takes, whose, strict=True):
+        file.add_animation(take, firsts[body])
+    return file.bytes()
+
+
+def check(take: Take) -> None:
+    """Raises HopdiffError if a take has no frame, or holds a number that is not finite."""
+    tensors = (take.clip.root_position, take.clip.rotations, take.clip.skeleton.offsets)
+    if take.frames == 0:
+        raise HopdiffError(f"cannot write {take.name}: it has no frames.")
+    if not all(bool(torch.isfinite(values).all()) for values in tensors):
+        raise HopdiffError(f"cannot write {take.name}: the motion holds a number that is not finite.")
+
+
+def bodies_of(takes: Sequence[Take]) -> tuple[list[Take], list[int]]:
+    """The first take of each body among takes, and for every take which of these has its body: the same bones, as
+    heavy."""
+    bodies: list[Take] = []
+    whose: list[int] = []
     for take in takes:
-        skeleton = take.clip.skeleton
-        first = next((start for other, start in bodies if _same(other, skeleton)), None)
-        if first is None:
-            first = file.add_body(take, f"body_{len(bodies) + 1}" if bodies else "body")
-            bodies.append((skeleton, first))
-        file.add_animation(take, first)
+        k = next((k for k, other in enumerate(bodies) if _same(other, take)), len(bodies))
+        if k == len(bodies):
+            bodies.append(take)
+        whose.append(k)
+    return bodies, whose
+
+
+def body_bytes(take: Take) -> bytes:
+    """The GLB file of a take's skinned body alone, at rest."""
+    file = _Writer()
+    file.add_body(take, "body")
     return file.bytes()
 
 
@@ -183,7 +203,7 @@ class _Writer:
             "scenes": [{"nodes": self.roots}],
             "nodes": self.nodes,
             "skins": self.skins,
-            "animations": self.animations,
+            **({"animations": self.animations} if self.animations else {}),
             "accessors": self.accessors,
             "bufferViews": self.views,
             "buffers": [{"byteLength": len(self.data)}],
@@ -202,9 +222,14 @@ class _Writer:
         )
 
 
-def _same(a: Skeleton, b: Skeleton) -> bool:
-    alike = (a.names, a.parents) == (b.names, b.parents)
-    return alike and bool(((a.offsets - b.offsets).abs() < ALIKE)[1:].all())
+def _same(one: Take, other: Take) -> bool:
+    a, b = one.clip.skeleton, other.clip.skeleton
+    if (a.names, a.parents) != (b.names, b.parents) or one.masses != other.masses:
+        return False
+    ends = a.end_sites.keys() == b.end_sites.keys() and all(
+        bool(((a.end_sites[name] - b.end_sites[name]).abs() < ALIKE).all()) for name in a.end_sites
+    )
+    return ends and bool(((a.offsets - b.offsets).abs() < ALIKE)[1:].all())
 
 
 def _material(side: str) -> dict[str, Any]:
