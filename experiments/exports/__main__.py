@@ -136,11 +136,22 @@ def browser_part(runs: Sequence[Take], folder: Path, pictures: Path) -> list[str
         f"## Chromium {rows[0][-1]}",
         "",
         "`motion.html` without a screen. Frames: to which the slider was set, and which the page then showed. Off:"
-        " farthest that any joint of any motion then was from ours. Moved: of a joint, while it played. Shades: in"
-        " the picture of the figures.",
+        " farthest that any joint of any motion then was from ours. Moved: of a joint, while it played. Pictures/s:"
+        " while it plays, drawn by program without a graphics card. Shades: in the picture of the figures.",
         "",
         markdown(
-            ("motions", "kB", "ms to write", "frames", "off mm", "moved m", "shades", "console errors", "requests"),
+            (
+                "motions",
+                "kB",
+                "ms to write",
+                "frames",
+                "off mm",
+                "moved m",
+                "pictures/s",
+                "shades",
+                "console errors",
+                "requests",
+            ),
             [row[:-1] for row in rows],
         ),
     ]

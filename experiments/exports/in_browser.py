@@ -33,6 +33,10 @@ FLAGS = (
 SIZE = (1280, 800)
 LOOKS = 4  # at a page while it plays
 PATIENCE = 60_000  # ms
+COUNT = """(seconds) => new Promise((done) => {
+  const [begun, before] = [performance.now(), hopdiff.drawn];
+  setTimeout(() => done(1000 * (hopdiff.drawn - before) / (performance.now() - begun)), 1000 * seconds);
+})"""
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,14 @@ def opened(
             yield page, errors, requests
         finally:
             browser.close()
+
+
+def frames_per_second(file: Path, seconds: float = 4.0) -> float:
+    """Pictures a second that a page draws while it plays, once it has found how fine they may be."""
+    with opened(file) as (page, _, _):
+        page.evaluate("hopdiff.play()")
+        page.wait_for_timeout(3000)
+        return float(page.evaluate(COUNT, seconds))
 
 
 def _inside(url: str, own: str) -> bool:

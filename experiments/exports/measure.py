@@ -6,13 +6,13 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from experiments.exports.blender import Seen, import_options, look
 from experiments.exports.feet import seam, skating_ratio, standing, toes
 from experiments.exports.glb import read_glb
-from experiments.exports.in_browser import played
+from experiments.exports.in_browser import frames_per_second, played
 from experiments.exports.runs import cut, lasting
 from experiments.exports.validator import validate
 from hopdiff.export.full_body import full_body
@@ -28,6 +28,7 @@ from hopdiff.io.bvh import read_bvh, write_bvh
 from hopdiff.io.files import write_whole
 
 MINUTE, FRAME_RATE = 60.0, 60.0  # s and frames/s of the motion whose writing is timed
+MANY = 20  # motions of one page
 SKATED = 10.0  # s of a loop that is laid end to end to be scored
 PLAYED = ("glb", "bvh", "fbx", "usd")  # kinds that Blender opens
 
@@ -115,7 +116,8 @@ def browser_rows(runs: Sequence[Take], settings: ExportSettings, folder: Path, p
     """
     takes = [prepared(run, settings) for run in runs]
     rows: list[Row] = []
-    for shown in (*([take] for take in takes), takes):
+    many = [replace(takes[k % len(takes)], name=f"{takes[k % len(takes)].name} {k + 1}") for k in range(MANY)]
+    for shown in (*([take] for take in takes), many, takes):
         file = folder / "page.html"
         begun = time.perf_counter()
         write_player(file, shown, settings.together)
@@ -130,6 +132,7 @@ def browser_rows(runs: Sequence[Take], settings: ExportSettings, folder: Path, p
                 f"{sum(wanted == frame for wanted, frame in found.shown)} / {len(found.shown)}",
                 f"{1000 * found.worst:.4f}",
                 f"{found.moved:.2f}",
+                f"{frames_per_second(file):.0f}",
                 f"{found.shades:,}",
                 str(len(found.errors)),
                 str(len(found.requests)),

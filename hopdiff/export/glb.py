@@ -24,7 +24,6 @@ from hopdiff.export.contact_events import told
 from hopdiff.export.pose import root_height
 from hopdiff.export.take import Take
 from hopdiff.geometry.quaternion import quaternions
-from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.files import write_whole
 from hopdiff.types import HopdiffError
 
@@ -47,7 +46,7 @@ def glb_bytes(
     bare: bool = False,
     extensions: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """The GLB file of some takes: a skinned body for each skeleton among them, an animation for each take.
+    """The GLB file of some takes: a skinned body for each that is among them, an animation for each take.
 
     axes, swapped: of the joints in the rest pose, see `joint_axes`; the body moves alike whatever they are.
     Every joint is a node and belongs to the skin; the root joint carries the translation. Keys are linear, at the
@@ -59,23 +58,44 @@ def glb_bytes(
         raise HopdiffError("cannot write a GLB file without a motion.")
     names = [take.name for take in takes]
     for take in takes:
-        tensors = (take.clip.root_position, take.clip.rotations, take.clip.skeleton.offsets)
-        if take.frames == 0:
-            raise HopdiffError(f"cannot write {take.name}: it has no frames.")
-        if not all(bool(torch.isfinite(values).all()) for values in tensors):
-            raise HopdiffError(f"cannot write {take.name}: the motion holds a number that is not finite.")
+        check(take)
         if names.count(take.name) > 1:
             raise HopdiffError(f"two motions are called {take.name!r}; a GLB file needs different names.")
     file = _Writer(lambda skeleton: joint_axes(skeleton, axes, swapped))
     file.extensions |= extensions or {}
-    bodies: list[tuple[Skeleton, int]] = []
+    bodies, whose = bodies_of(takes)
+    firsts = [file.add_body(body, f"body_{k + 1}" if k else "body", bare) for k, body in enumerate(bodies)]
+    for take, body in zip(takes, whose, strict=True):
+        file.add_animation(take, firsts[body])
+    return file.bytes()
+
+
+def check(take: Take) -> None:
+    """Raises HopdiffError if a take has no frame, or holds a number that is not finite."""
+    tensors = (take.clip.root_position, take.clip.rotations, take.clip.skeleton.offsets)
+    if take.frames == 0:
+        raise HopdiffError(f"cannot write {take.name}: it has no frames.")
+    if not all(bool(torch.isfinite(values).all()) for values in tensors):
+        raise HopdiffError(f"cannot write {take.name}: the motion holds a number that is not finite.")
+
+
+def bodies_of(takes: Sequence[Take]) -> tuple[list[Take], list[int]]:
+    """The first take of each body among takes, and for every take which of these has its body: the same bones, as
+    heavy."""
+    bodies: list[Take] = []
+    whose: list[int] = []
     for take in takes:
-        skeleton = take.clip.skeleton
-        first = next((start for other, start in bodies if same_body(other, skeleton)), None)
-        if first is None:
-            first = file.add_body(take, f"body_{len(bodies) + 1}" if bodies else "body", bare)
-            bodies.append((skeleton, first))
-        file.add_animation(take, first)
+        k = next((k for k, other in enumerate(bodies) if _same(other, take)), len(bodies))
+        if k == len(bodies):
+            bodies.append(take)
+        whose.append(k)
+    return bodies, whose
+
+
+def body_bytes(take: Take) -> bytes:
+    """The GLB file of a take's skinned body alone, at rest."""
+    file = _Writer(lambda skeleton: joint_axes(skeleton, "world"))
+    file.add_body(take, "body")
     return file.bytes()
 
 
@@ -201,7 +221,7 @@ class _Writer:
             "scene": 0,
             "scenes": [{"nodes": self.roots}],
             "nodes": self.nodes,
-            "animations": self.animations,
+            **({"animations": self.animations} if self.animations else {}),
             "accessors": self.accessors,
             "bufferViews": self.views,
             "buffers": [{"byteLength": len(self.data)}],
@@ -228,6 +248,15 @@ def same_body(a: Skeleton, b: Skeleton) -> bool:
     """Whether two skeletons have the same joints and bones; where their roots are says nothing."""
     alike = (a.names, a.parents) == (b.names, b.parents)
     return alike and bool(((a.offsets - b.offsets).abs() < ALIKE)[1:].all())
+
+
+def _same(one: Take, other: Take) -> bool:
+    a, b = one.clip.skeleton, other.clip.skeleton
+    if not same_body(a, b) or one.masses != other.masses:
+        return False
+    return a.end_sites.keys() == b.end_sites.keys() and all(
+        bool(((a.end_sites[name] - b.end_sites[name]).abs() < ALIKE).all()) for name in a.end_sites
+    )
 
 
 def _above(skeleton: Skeleton, axes: Tensor) -> Tensor:

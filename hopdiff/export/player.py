@@ -16,24 +16,27 @@ from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import SIDES
 from hopdiff.editing.loop import repetitions
 from hopdiff.export.anatomy import parts_of
-from hopdiff.export.glb import glb_bytes
+from hopdiff.export.glb import bodies_of, body_bytes, check
 from hopdiff.export.ground import ground_path
 from hopdiff.export.take import Take
 from hopdiff.feet.contacts import spans
+from hopdiff.geometry.quaternion import quaternions
 from hopdiff.io.files import write_whole
 from hopdiff.io.record import finite
 from hopdiff.types import HopdiffError
 
 PAGE = Path(__file__).with_name("page")
-SCRIPTS = ("camera.js", "walker.js", "stage.js", "controls.js")  # in the order in which they run
+SCRIPTS = ("camera.js", "walker.js", "stage.js", "table.js", "controls.js")  # in the order in which they run
 LIBRARY = "trimesh/resources/templates/viewer.zip"
 LIBRARY_BEGINS, LIBRARY_ENDS = "<script>", "var camera,controls,scene,renderer,tracklight;"
+TURN = 32767  # what a component 1 of a quaternion is in the page
 POINTS = 600  # of the way that is drawn on the ground, at most
 SOLE = 0.13  # m: half the length of a sole of which only a point is known
 SOLE_REACH, BALL_AHEAD = (
@@ -81,7 +84,12 @@ def page(takes: Sequence[Take], together: str = "side_by_side") -> str:
     """The text of the page; see `write_player`."""
     if not takes:
         raise HopdiffError("cannot write a page without a motion.")
-    data = {"together": together, "takes": [_told(take) for take in takes]}
+    bodies, whose = bodies_of(takes)
+    data = {
+        "together": together,
+        "bodies": [base64.b64encode(body_bytes(body)).decode("ascii") for body in bodies],
+        "takes": [_told(take) | {"body": body} for take, body in zip(takes, whose, strict=True)],
+    }
     parts = {
         "title": html.escape(", ".join(take.name for take in takes)),
         "style": _part("page.css"),
@@ -116,22 +124,27 @@ def _library() -> str:
 
 
 def _told(take: Take) -> dict[str, Any]:
-    """All that the page knows of a take; places on the ground are [x, z] in metres."""
-    body = glb_bytes([take])
-    way = ground_path(take)
-    every = max(1, -(-take.frames // POINTS))
+    """All that the page knows of a take; places on the ground are [x, z] in metres.
+
+    Numbers of every frame are little-endian in base64: 32-bit floats, and the turns of joints as 16-bit quaternions
+    (x, y, z, w), each component within 1 / 65534.
+    """
+    check(take)
+    way, clip = ground_path(take), take.clip
     told: dict[str, Any] = {
         "name": take.name,
-        "glb": base64.b64encode(body).decode("ascii"),
         "frames": take.frames,
-        "frameTime": take.clip.frame_time,
-        "joints": list(take.clip.skeleton.names),
+        "frameTime": clip.frame_time,
+        "joints": list(clip.skeleton.names),
         "loop": take.loop,
-        "way": _rounded(way.place),
-        "heading": _rounded(way.yaw),
-        "drawn": _rounded(torch.cat((way.place[::every], way.place[-1:]))),
+        "root": _packed(clip.root_position),
+        "turns": _packed(TURN * quaternions(clip.rotations), "<i2"),
+        "offsets": None if clip.offsets is None else _packed(clip.offsets),
+        "way": _packed(way.place),
+        "heading": _packed(way.yaw),
+        "drawn": max(1, -(-take.frames // POINTS)),
         "steps": _steps(take),
-        "height": round(float(take.clip.joint_positions()[..., 1].max()), 3),
+        "height": round(float(clip.joint_positions()[..., 1].max()), 3),
         "again": None,
         **_numbers(take),
     }
@@ -140,6 +153,12 @@ def _told(take: Take) -> dict[str, Any]:
         yaw = torch.atan2(once.turn[0, 2], once.turn[0, 0])
         told["again"] = {"yaw": float(yaw), "from": once.start[[0, 2]].tolist(), "to": once.here[[0, 2]].tolist()}
     return told
+
+
+def _packed(values: Tensor, kind: str = "<f4") -> str:
+    """Numbers of every frame as base64."""
+    array = values.detach().double().cpu().numpy()
+    return base64.b64encode((np.rint(array) if kind == "<i2" else array).astype(kind).tobytes()).decode("ascii")
 
 
 def _rounded(values: Tensor) -> list[Any]:

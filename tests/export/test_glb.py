@@ -101,6 +101,10 @@ def test_several_motions_of_one_body_share_it_and_others_have_their_own() -> Non
     file = Gltf.of(glb_bytes([first, second, other]))
     assert [one["name"] for one in file.content["animations"]] == ["run", "on the spot", "tall"]
     assert len(file.content["skins"]) == 2
+    # Bones as before, but heavier, is another body.
+    assert first.masses is not None
+    heavy = replace(first, name="heavy", masses={part: 1.5 * mass for part, mass in first.masses.items()})
+    assert len(Gltf.of(glb_bytes([first, heavy, second])).content["meshes"]) == 2
     for take in (first, second, other):
         found = file.places(take.name, 0.0)["left_toe"]
         np.testing.assert_allclose(found, take.clip.joint_positions()[0, JOINTS.index("left_toe")].numpy(), atol=1e-5)

@@ -199,3 +199,85 @@ def test_a_blend_space_shows_what_its_point_says(tmp_path: Path, takes: list[Tak
         assert corner[list(space.clips).index((3.0, 0.7))] == pytest.approx(1.0)
         assert errors == []
         assert requests == []
+
+
+def test_many_runs_stand_in_rows_with_a_table_of_what_differs(tmp_path: Path, takes: list[Take]) -> None:
+    from experiments.exports.in_browser import in_colour, opened
+
+    many = [
+        replace(
+            takes[k % 2], name=f"run {k}", numbers={"character": "human", "seed": k, "speed": 3.0 + k, "note": "same"}
+        )
+        for k in range(8)
+    ]
+    write_player(tmp_path / "motion.html", many)
+    for size in ((1280, 800), (390, 844)):
+        with opened(tmp_path / "motion.html", size, still=True) as (page, errors, _):
+            view = page.locator("#canvas").bounding_box()
+            places = [name.bounding_box() for name in page.locator("#names > span").all()]
+            middles = [(box["x"] + box["width"] / 2, box["y"] + box["height"]) for box in places]
+            assert len(middles) == 8
+            assert all(view["x"] < x < view["x"] + view["width"] for x, _ in middles)
+            assert all(view["y"] < y < view["y"] + view["height"] for _, y in middles)
+            # More than a row, read from the left and from above, and nobody in another's place.
+            rows = sorted({round(y / 10) for _, y in middles})
+            assert 1 < len(rows) < 8
+            assert middles[0][1] < middles[-1][1]
+            assert min(abs(a[0] - b[0]) + abs(a[1] - b[1]) for k, a in enumerate(middles) for b in middles[:k]) > 30
+            assert in_colour(page).mean() > 0.01
+            head = [text.split()[0] for text in page.locator("#numbers thead th").all_inner_texts()]
+            assert head == ["Run", "Speed", "Seed", "Duration", "Frames"]
+            first = page.locator("#numbers tbody tr").nth(2)
+            assert first.inner_text().split()[:5] == ["3", "run", "2", "5.00", "2"]
+            same = page.locator("#numbers tfoot tr").all_inner_texts()
+            assert same[0] == "The same in all"
+            assert [row.split() for row in same[1:]] == [["Character", "human"], ["Joints", "22"]]
+            # The page itself is no wider than the screen.
+            assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+            assert errors == []
+
+
+def test_a_row_marks_its_figure(tmp_path: Path, takes: list[Take]) -> None:
+    from experiments.exports.in_browser import opened
+
+    write_player(tmp_path / "motion.html", [replace(takes[k % 2], name=f"run {k}") for k in range(8)])
+    with opened(tmp_path / "motion.html", still=True) as (page, errors, _):
+
+        def marked() -> list[int]:
+            page.wait_for_timeout(300)
+            return page.evaluate(
+                "[...document.querySelectorAll('#names > span')].flatMap((one, k) => one.matches('.marked') ? [k] : [])"
+            )
+
+        rows = page.locator("#numbers tbody tr")
+        assert marked() == []
+        before = page.locator("#canvas").screenshot()
+        rows.nth(3).hover()
+        assert marked() == [3]
+        assert page.locator("#canvas").screenshot() != before
+        rows.nth(5).click()
+        page.mouse.move(300, 400)
+        assert marked() == [5]
+        rows.nth(5).click()
+        page.mouse.move(300, 400)
+        page.locator("#play").focus()
+        assert marked() == []
+        rows.nth(1).get_by_role("button").click()
+        page.mouse.move(300, 400)
+        page.wait_for_timeout(300)
+        assert page.locator("#names > span:visible").count() == 7
+        assert errors == []
+
+
+def test_pictures_that_move_are_coarser_where_there_is_no_graphics_card(tmp_path: Path, takes: list[Take]) -> None:
+    from experiments.exports.in_browser import opened
+
+    write_player(tmp_path / "motion.html", takes[:1])
+    with opened(tmp_path / "motion.html", still=True) as (page, _, _):
+        still = page.evaluate("document.getElementById('canvas').width")
+        assert still == page.locator("#canvas").bounding_box()["width"]
+        page.evaluate("hopdiff.play()")
+        page.wait_for_timeout(200)
+        assert 0.4 * still < page.evaluate("document.getElementById('canvas').width") < 0.8 * still
+        page.evaluate("hopdiff.pause()")
+        assert page.evaluate("document.getElementById('canvas').width") == still

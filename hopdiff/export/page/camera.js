@@ -2,7 +2,9 @@
 
 const STEEPEST = 1.5; // rad above the ground
 const NEAREST = 0.8; // m
-const FARTHEST = 80;
+const FARTHEST = 160;
+const ROUND = 35; // degrees of the picture from below to above
+const FLAT = 12; // and of rows, whose bodies are to be alike
 
 class Orbit {
   constructor(canvas, changed) {
@@ -12,7 +14,7 @@ class Orbit {
     this.back = 0; // m farther off than that, so that bodies which part stay in view
     this.point = new THREE.Vector3(0, 0.9, 0);
     this.shift = new THREE.Vector3(); // by which the user has moved the view
-    this.camera = new THREE.PerspectiveCamera(35, 1, 0.05, 300);
+    this.camera = new THREE.PerspectiveCamera(ROUND, 1, 0.05, 300);
     this.changed = changed;
     this.held = new Map(); // pointers that are down
     canvas.addEventListener("pointerdown", (event) => {
@@ -62,6 +64,12 @@ class Orbit {
 
   get away() {
     return Math.min(FARTHEST, this.distance + this.back);
+  }
+
+  // Another angle of the picture [degrees].
+  zoomed(angle) {
+    this.camera.fov = angle;
+    this.camera.updateProjectionMatrix();
   }
 
   zoom(factor) {

@@ -3,6 +3,7 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 const element = (id) => document.getElementById(id);
 const several = data.takes.length > 1;
+const many = data.takes.length > SIX; // runs stand in rows, and the table has a row for each
 const walkers = data.takes.map((told, k) => new Walker(told, k));
 const longest = walkers.reduce((a, b) => (b.duration > a.duration ? b : a));
 // Loops never end; what is no loop stands at its end until the longest motion is over, and all begin again.
@@ -10,9 +11,13 @@ const span = walkers.every((walker) => walker.told.loop) ? Infinity : longest.du
 const state = {
   time: 0, playing: false, follow: true, bones: false, overlaid: several && data.together === "overlaid",
   // Runs of different speeds would leave each other behind.
-  spot: several && walkers.some((walker) => walker.told.loop),
+  spot: many || several && walkers.some((walker) => walker.told.loop),
+  turn: 0, // rad from +z towards +x, of where many bodies are looked at from
   chosen: 4, // m from which the view was last set to show all
 };
+const CELL = 1.7; // m across of each of many bodies
+const DEEP = 4.4; // m from one of their rows to the next
+const HIGH = 0.45; // rad above the ground from where they are looked at, at least
 const ROOM = 1.6; // m across that a body takes
 const LANE = 1.3; // m between bodies next to each other
 const WIDEST = 4; // m between those whose ways go aside
@@ -25,14 +30,40 @@ function trouble(text) {
   place.hidden = false;
 }
 
+// How many of many bodies stand in a row: as many as fill the picture.
+function columns() {
+  const { clientWidth: width, clientHeight: height } = element("view");
+  const seen = (count) => {
+    const rows = Math.ceil(walkers.length / count);
+    const tall = 1.9 + (rows - 1) * DEEP * Math.sin(HIGH);
+    return Math.min(width / (count * CELL), 0.9 * height / tall);
+  };
+  return walkers.map((_, k) => k + 1).reduce((best, count) => (seen(count) > seen(best) ? count : best), 1);
+}
+
+// Rows one behind the other for who looks at them, the first at the back.
+function rows() {
+  const count = columns();
+  const last = Math.ceil(walkers.length / count) - 1;
+  return walkers.map((_, k) => {
+    const row = Math.floor(k / count);
+    return turned(state.turn, (k % count - 0.5 * (count - 1)) * CELL, (row - 0.5 * last) * DEEP);
+  });
+}
+
 // Bodies next to each other start in a row across the way of the first, far enough apart for their ways.
 function lanes() {
-  const heading = state.spot ? 0 : walkers[0].told.heading[0];
+  if (many && state.spot && !state.overlaid) return rows();
+  const heading = state.spot ? 0 : walkers[0].heading[0];
   const widths = walkers.map((walker) => {
     if (state.spot) return LANE;
-    const start = walker.told.way[0];
-    const across = walker.told.way.map(([x, z]) => turned(-heading, x - start[0], z - start[1])[0]);
-    return Math.min(LANE + Math.max(...across) - Math.min(...across), WIDEST);
+    const { start, way } = walker;
+    let [least, most] = [0, 0];
+    for (let k = 0; k < way.length; k += 2) {
+      const [across] = turned(-heading, way[k] - start[0], way[k + 1] - start[1]);
+      [least, most] = [Math.min(least, across), Math.max(most, across)];
+    }
+    return Math.min(LANE + most - least, WIDEST);
   });
   const total = widths.reduce((a, b) => a + b, 0);
   // The first on the left of who sees them come: on their own right.
@@ -49,6 +80,7 @@ function pose() {
   walkers.forEach((walker, k) => {
     walker.bared = state.bones;
     walker.overlaid = state.overlaid;
+    walker.bare = many;
     walker.pose(state.time, state.spot, places[k], several && !state.overlaid);
   });
   const frame = frameNow();
@@ -65,6 +97,12 @@ function aim() {
   if (!seen.length) return;
   const middle = seen.reduce((sum, walker) => sum.add(walker.centre), new THREE.Vector3()).divideScalar(seen.length);
   stage.orbit.point.set(middle.x, 0.52 * Math.max(...seen.map((walker) => walker.told.height)), middle.z);
+  if (many && state.spot && !state.overlaid) {
+    // Rows stay where they are, whatever is shown of them.
+    stage.orbit.point.set(0, stage.orbit.point.y, 0);
+    stage.orbit.back = 0;
+    return;
+  }
   const needed = seen.map((walker) => {
     const [aside, nearer] = turned(-stage.orbit.yaw, walker.centre.x - middle.x, walker.centre.z - middle.z);
     return stage.distanceFor(ROOM + 2 * Math.abs(aside), 0) + Math.max(0, nearer);
@@ -85,6 +123,7 @@ function setFrame(frame) {
 
 function setPlaying(playing) {
   state.playing = playing;
+  stage.move(playing);
   element("play").textContent = playing ? "Pause" : "Play";
 }
 
@@ -102,7 +141,12 @@ const VIEWS = { side: [Math.PI / 2, 0.08], front: [0, 0.1], three: [0.75, 0.22],
 
 function reset(view) {
   const apart = several && !state.overlaid;
-  const heading = apart && !state.spot ? walkers[0].told.heading[0] : walkers[0].heading;
+  if (many && apart && state.spot) {
+    resetRows(view);
+    return;
+  }
+  stage.orbit.zoomed(ROUND);
+  const heading = apart && !state.spot ? walkers[0].heading[0] : walkers[0].faces;
   const ends = lanes();
   const wide = ROOM + Math.hypot(ends[0][0] - ends[ends.length - 1][0], ends[0][1] - ends[ends.length - 1][1]);
   const tall = Math.max(...walkers.map((walker) => walker.told.height));
@@ -114,64 +158,24 @@ function reset(view) {
   aim();
 }
 
-function cell(row, text, kind, tag = "td") {
-  const made = document.createElement(tag);
-  made.textContent = text;
-  if (kind) made.className = kind;
-  row.append(made);
-  return made;
-}
-
-// Rows of all motions by what they tell, a column for each, in the order of the motion of which most is known.
-function fill(body, key) {
-  const rows = new Map();
-  for (const told of [...data.takes].sort((a, b) => b[key].length - a[key].length)) {
-    for (const [what, value, unit] of told[key]) {
-      if (!rows.has(what)) rows.set(what, { unit, values: data.takes.map(() => "–") });
-      rows.get(what).values[data.takes.indexOf(told)] = value;
-    }
-  }
-  for (const [what, { unit, values }] of rows) {
-    const row = body.insertRow();
-    if (new Set(values.filter((value) => value !== "–")).size > 1) row.className = "differs";
-    cell(row, what);
-    for (const value of values) cell(row, value);
-    cell(row, unit, "unit");
-  }
-  return rows.size;
-}
-
-function table() {
-  const head = element("numbers").tHead.insertRow();
-  cell(head, "", "", "th");
-  walkers.forEach((walker) => {
-    const place = cell(head, "", "", "th");
-    const title = several ? document.createElement("button") : document.createElement("span");
-    if (several) {
-      const swatch = document.createElement("span");
-      swatch.className = "swatch";
-      swatch.style.background = walker.tint;
-      title.type = "button";
-      title.setAttribute("aria-pressed", "true");
-      title.title = "Show or hide";
-      title.append(swatch);
-      title.addEventListener("click", () => {
-        walker.visible = !walker.visible;
-        title.setAttribute("aria-pressed", String(walker.visible));
-        pose();
-      });
-    }
-    // Long names are broken where they have a joint.
-    title.append(walker.told.name.replace(/_/g, "_\u200b"));
-    place.append(title);
-  });
-  cell(head, "", "", "th");
-  fill(element("numbers").tBodies[0], "shown");
-  element("more").hidden = !fill(element("more").querySelector("tbody"), "more");
+function resetRows(view) {
+  const [yaw, pitch] = VIEWS[view || "row"];
+  stage.orbit.zoomed(FLAT);
+  const steep = Math.max(pitch, HIGH);
+  state.turn = view === "top" ? 0 : yaw;
+  pose();
+  const count = columns();
+  const deep = (Math.ceil(walkers.length / count) - 1) * DEEP;
+  const tall = 2.1 + deep * Math.sin(steep);
+  state.chosen = stage.distanceFor(count * CELL, tall) + 0.2 * deep * Math.cos(steep);
+  stage.orbit.distance = state.chosen;
+  stage.orbit.from(view === "top" ? 0 : yaw, steep);
+  aim();
 }
 
 function listen() {
   element("play").addEventListener("click", () => setPlaying(!state.playing));
+  new ResizeObserver(() => { if (many && state.spot) reset(); }).observe(element("view"));
   element("frame").max = longest.told.frames - 1;
   element("frame").addEventListener("input", (event) => {
     setPlaying(false);
@@ -207,6 +211,7 @@ function run(last) {
   requestAnimationFrame((now) => {
     if (state.playing) {
       // A page that was out of sight goes on where it stopped.
+      if (now - last < 500) stage.timed((now - last) / 1000);
       state.time += Math.min((now - last) / 1000, 0.25) * Number(element("speed").value);
       if (state.time > span) state.time %= span || 1;
       pose();
@@ -214,6 +219,7 @@ function run(last) {
     if (stage.dirty) {
       if (state.follow) aim();
       stage.draw(names);
+      page.drawn += 1;
     }
     run(now);
   });
@@ -225,6 +231,7 @@ const page = {
   get frame() { return frameNow(); },
   get playing() { return state.playing; },
   setFrame,
+  drawn: 0, // pictures so far
   play: () => setPlaying(true),
   pause: () => setPlaying(false),
   positions: (k = 0) => walkers[k].positions(),
@@ -233,16 +240,20 @@ window.hopdiff = page;
 
 table();
 element("overlay").hidden = !several;
-Promise.all(walkers.map((walker) => walker.load())).then(() => {
+document.body.classList.toggle("many", many);
+Promise.all(data.bodies.map(read)).then((bodies) => {
+  const plain = bySoftware();
+  walkers.forEach((walker) => walker.embody(bodies[walker.told.body].scene, plain));
   try {
     stage = new Stage(element("canvas"), walkers);
   } catch (error) {
     trouble("This browser shows no 3D graphics (WebGL), so the motion cannot be drawn.");
     return;
   }
-  names = several ? walkers.map((walker) => {
+  names = several ? walkers.map((walker, k) => {
     const name = element("names").appendChild(document.createElement("span"));
-    name.textContent = walker.told.name;
+    name.append(many ? `${k + 1} ` : walker.told.name);
+    if (many) name.appendChild(document.createElement("span")).textContent = walker.told.name;
     return name;
   }) : [];
   listen();

@@ -14,12 +14,49 @@ function turned(yaw, x, z) {
   return [x * Math.cos(yaw) + z * Math.sin(yaw), z * Math.cos(yaw) - x * Math.sin(yaw)];
 }
 
-function between(values, place) {
-  const at = Math.min(Math.floor(place), values.length - 1);
-  const next = Math.min(at + 1, values.length - 1);
-  const share = place - at;
-  const mixed = (a, b) => a + share * (b - a);
-  return Array.isArray(values[at]) ? values[at].map((a, k) => mixed(a, values[next][k])) : mixed(values[at], values[next]);
+// Of numbers, `width` a frame: those at a place between frames.
+function between(values, place, width = 1) {
+  const last = values.length / width - 1;
+  const at = Math.min(Math.floor(place), last);
+  const next = Math.min(at + 1, last);
+  const found = [];
+  for (let k = 0; k < width; k++) {
+    const a = values[at * width + k];
+    found.push(a + (place - at) * (values[next * width + k] - a));
+  }
+  return found;
+}
+
+// Numbers that came as text.
+function unpacked(text, Kind) {
+  return new Kind(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+}
+
+// A body as it came in the page.
+function read(text) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Promise((resolve, reject) => new THREE.GLTFLoader().parse(bytes.buffer, "", resolve, reject));
+}
+
+// Another of the same body: joints and colours of its own, the mesh shared.
+function twin(body, plain) {
+  const copy = body.clone(true);
+  const same = new Map();
+  const pair = (a, b) => {
+    same.set(a, b);
+    a.children.forEach((child, k) => pair(child, b.children[k]));
+  };
+  pair(body, copy);
+  let skeleton = null; // one for all parts of the mesh
+  copy.traverse((thing) => {
+    if (!thing.isSkinnedMesh) return;
+    const { bones, boneInverses } = thing.skeleton;
+    skeleton = skeleton || new THREE.Skeleton(bones.map((bone) => same.get(bone)), boneInverses);
+    thing.bind(skeleton, thing.bindMatrix);
+    const { color, name } = thing.material;
+    thing.material = plain ? new THREE.MeshLambertMaterial({ color: color.clone(), name }) : thing.material.clone();
+  });
+  return copy;
 }
 
 class Walker {
@@ -27,50 +64,69 @@ class Walker {
     this.told = told;
     this.tint = TINTS[index % TINTS.length];
     this.duration = (told.frames - 1) * told.frameTime;
+    for (const name of ["root", "way", "heading"]) this[name] = unpacked(told[name], Float32Array);
+    this.offsets = told.offsets && unpacked(told.offsets, Float32Array);
+    this.turns = Float32Array.from(unpacked(told.turns, Int16Array)); // quaternions, of any length
+    this.then = new THREE.Quaternion();
+    this.start = [this.way[0], this.way[1]];
     this.group = new THREE.Group(); // everything of this motion, in its lane
     this.body = new THREE.Group(); // on its lap
     this.laps = [-1, 0, 1].map(() => this.marks());
     this.lane = ladder(this.tint);
-    this.group.add(this.body, this.lane, ...this.laps);
+    this.ring = ring();
+    this.group.add(this.body, this.lane, this.ring, ...this.laps);
     for (const part of [this.body, ...this.laps]) part.matrixAutoUpdate = false;
     this.visible = true;
+    this.marked = false;
   }
 
-  load() {
-    const bytes = Uint8Array.from(atob(this.told.glb), (letter) => letter.charCodeAt(0));
-    return new Promise((resolve, reject) => new THREE.GLTFLoader().parse(bytes.buffer, "", resolve, reject)).then((file) => {
-      this.scene = file.scene;
-      this.materials = new Set();
-      this.scene.traverse((thing) => {
-        if (!thing.isMesh) return;
-        thing.frustumCulled = false;
-        thing.castShadow = true;
-        this.materials.add(thing.material);
-      });
-      for (const material of this.materials) material.userData.own = material.color.clone();
-      // The loader takes some letters out of names; nodes come in the order of the joints.
-      const bones = [];
-      this.scene.traverse((thing) => { if (thing.isBone) bones.push(thing); });
-      const plain = (name) => THREE.PropertyBinding.sanitizeNodeName(name);
-      this.bones = this.told.joints.map((name) => bones.find((bone) => bone.name === plain(name)));
-      this.mixer = new THREE.AnimationMixer(this.scene);
-      this.action = this.mixer.clipAction(file.animations[0]);
-      this.action.play();
-      // Its time is set, never run: the page has one clock for all.
-      this.action.paused = true;
-      this.skeleton = new THREE.SkeletonHelper(this.scene);
-      // Last, over all bodies.
-      this.skeleton.material = new THREE.LineBasicMaterial({ depthTest: false, transparent: true });
-      this.skeleton.renderOrder = 1;
-      this.skeleton.visible = false;
-      this.body.add(this.scene);
+  // The body that moves. body: what was read of it; plain: whether it is lit by its corners alone.
+  embody(body, plain) {
+    this.scene = twin(body, plain);
+    this.materials = [];
+    this.scene.traverse((thing) => {
+      if (!thing.isMesh) return;
+      thing.frustumCulled = false;
+      thing.castShadow = true;
+      this.materials.push(thing.material);
     });
+    for (const material of this.materials) material.userData.own = material.color.clone();
+    // The loader takes some letters out of names.
+    const bones = [];
+    this.scene.traverse((thing) => { if (thing.isBone) bones.push(thing); });
+    const letters = (name) => THREE.PropertyBinding.sanitizeNodeName(name);
+    this.bones = this.told.joints.map((name) => bones.find((bone) => bone.name === letters(name)));
+    this.skeleton = new THREE.SkeletonHelper(this.scene);
+    // Last, over all bodies.
+    this.skeleton.material = new THREE.LineBasicMaterial({ depthTest: false, transparent: true });
+    this.skeleton.renderOrder = 1;
+    this.skeleton.visible = false;
+    this.body.add(this.scene);
+  }
+
+  // Joints at a frame, or between two.
+  bend(place) {
+    const last = this.told.frames - 1;
+    const at = Math.min(Math.floor(place), last);
+    const next = Math.min(at + 1, last);
+    const count = this.bones.length;
+    this.bones.forEach((bone, k) => {
+      bone.quaternion.fromArray(this.turns, 4 * (at * count + k)).normalize();
+      if (place > at) bone.quaternion.slerp(this.then.fromArray(this.turns, 4 * (next * count + k)).normalize(), place - at);
+    });
+    if (this.offsets) {
+      const offsets = between(this.offsets, place, 3 * count);
+      this.bones.forEach((bone, k) => bone.position.fromArray(offsets, 3 * k));
+    }
+    this.bones[0].position.fromArray(between(this.root, place, 3));
   }
 
   // Path and footprints of one lap.
   marks() {
     const lap = new THREE.Group();
-    const points = this.told.drawn.map(([x, z]) => new THREE.Vector3(x, 0.004, z));
+    const points = [];
+    for (let k = 0; k < this.told.frames; k += this.told.drawn) points.push(new THREE.Vector3(this.way[2 * k], 0.004, this.way[2 * k + 1]));
+    points.push(new THREE.Vector3(this.way[this.way.length - 2], 0.004, this.way[this.way.length - 1]));
     const pen = new THREE.LineBasicMaterial({ color: colour(this.tint), transparent: true, opacity: 0.7 });
     lap.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), pen));
     for (const step of this.told.steps) {
@@ -108,13 +164,12 @@ class Walker {
     this.lap = told.loop && this.duration > 0 ? Math.max(0, Math.ceil(time / this.duration - 1e-9) - 1) : 0;
     const own = Math.min(Math.max(time - this.lap * this.duration, 0), this.duration);
     this.frame = told.frames > 1 ? own / told.frameTime : 0;
-    this.action.time = own;
-    this.mixer.update(0);
+    this.bend(this.frame);
     const whole = told.loop ? this.lapMatrix(this.lap) : new THREE.Matrix4();
-    const way = between(told.way, this.frame);
-    const heading = between(told.heading, this.frame);
-    const start = told.way[0];
-    this.heading = spot ? 0 : heading + (told.loop ? this.lap * told.again.yaw : 0);
+    const way = between(this.way, this.frame, 2);
+    const [heading] = between(this.heading, this.frame);
+    const start = this.start;
+    this.faces = spot ? 0 : heading + (told.loop ? this.lap * told.again.yaw : 0);
     if (spot) {
       // Against its way, so that it stays where its lane is and faces as it began.
       const here = new THREE.Matrix4().makeTranslation(at[0], 0, at[1])
@@ -134,11 +189,14 @@ class Walker {
       this.centre = new THREE.Vector3(way[0], 0, way[1]).applyMatrix4(this.body.matrix);
     }
     this.laps.forEach((lap, k) => { lap.visible = !spot && (told.loop ? this.lap + k > 0 : k === 1); });
-    this.lane.visible = spot;
+    this.lane.visible = spot && !this.bare;
+    this.ring.visible = this.marked;
+    this.ring.position.set(this.centre.x, 0.006, this.centre.z);
     this.group.visible = this.visible;
     this.skeleton.visible = this.visible && this.bared;
     for (const material of this.materials) {
-      if (material.transparent !== this.bared) material.needsUpdate = true;
+      if (material.transparent === this.bared) continue;
+      material.needsUpdate = true;
       Object.assign(material, { transparent: this.bared, opacity: this.bared ? 0.4 : 1 });
     }
     this.group.updateMatrixWorld(true);
@@ -148,11 +206,12 @@ class Walker {
   gone(time) {
     if (!this.lengths) {
       this.lengths = [0];
-      this.told.way.forEach((place, k, all) => {
-        if (k) this.lengths.push(this.lengths[k - 1] + Math.hypot(place[0] - all[k - 1][0], place[1] - all[k - 1][1]));
-      });
+      for (let k = 2; k < this.way.length; k += 2) {
+        const step = Math.hypot(this.way[k] - this.way[k - 2], this.way[k + 1] - this.way[k - 1]);
+        this.lengths.push(this.lengths[this.lengths.length - 1] + step);
+      }
     }
-    return this.lap * this.lengths[this.lengths.length - 1] + between(this.lengths, this.frame);
+    return this.lap * this.lengths[this.lengths.length - 1] + between(this.lengths, this.frame)[0];
   }
 
   // Where joints are in the motion itself [m], whatever lane and lap the body is on.
@@ -170,6 +229,14 @@ class Walker {
       material.color.copy(tinted ? colour(this.tint) : material.userData.own);
     }
   }
+}
+
+// Around the feet of a body that is marked.
+function ring() {
+  const shade = new THREE.MeshBasicMaterial({ color: colour("#E69F00"), transparent: true, opacity: 0.9, depthWrite: false });
+  const found = new THREE.Mesh(new THREE.RingGeometry(0.5, 0.6, 48).rotateX(-Math.PI / 2), shade);
+  found.visible = false;
+  return found;
 }
 
 // Marks that pass below a body on the spot, as those of a treadmill.
