@@ -1,4 +1,4 @@
-"""Clips of one body over speed and briskness, alike in phase, and what becomes of them where they are blended.
+"""Clips of one body over speed, briskness and turn, alike in phase, and what becomes of them where they are blended.
 
 Blends are those of game engines: turns of joints by normalised sums of quaternions, places and the time of the stride
 by weighted means, all at one phase.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import torch
@@ -20,50 +21,62 @@ from hopdiff.export.prepare import in_place
 from hopdiff.export.take import Take
 from hopdiff.geometry.joint_names import SIDES
 from hopdiff.geometry.quaternion import from_quaternions, quaternions
+from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.types import HopdiffError
 
 FLAT = 0.01  # m above where it is lowest up to which the ball of a standing foot lies on the ground
+STRAIGHT = 1e-6  # rad: less than that is no turn
 DIGITS = 6  # behind the point, of numbers in files
+
+
+Place = tuple[float, float, float]
+AXES = ("speed", "beta", "turn")
 
 
 @dataclass(frozen=True, eq=False)
 class BlendSpace:
-    """Clips by (speed [m/s], briskness), one stride each, on the spot, with their left touchdowns at their first keys.
+    """Clips by (speed [m/s], briskness, turn to the left [deg/s]), one stride each, on the spot, with their left
+    touchdowns at their first keys.
 
-    speeds, betas: the lines of the grid, from low to high; not every crossing need have a clip.
+    speeds, betas, turns: the lines of the grid, from low to high; not every crossing need have a clip.
     """
 
     speeds: tuple[float, ...]
     betas: tuple[float, ...]
-    clips: dict[tuple[float, float], Take]
+    turns: tuple[float, ...]
+    clips: dict[Place, Take]
 
     @classmethod
     def of(cls, takes: Sequence[Take]) -> BlendSpace:
         """Raises HopdiffError for takes that cannot be blended, or that have no place or one place in the grid."""
-        clips: dict[tuple[float, float], Take] = {}
+        clips: dict[Place, Take] = {}
         for take in takes:
-            place = _number(take, "speed"), _number(take, "beta")
+            place = _number(take, "speed"), _number(take, "beta"), _number(take, "turn", 0.0)
             if place in clips:
-                at = f"speed {place[0]:g} and beta {place[1]:g}"
+                at = f"speed {place[0]:g}, beta {place[1]:g} and turn {place[2]:g}"
                 raise HopdiffError(f"{clips[place].name} and {take.name} are both of {at}: leave one of them out.")
             if take.frames != takes[0].frames or not take.loop:
                 raise HopdiffError(f"{take.name} is no loop of as many keys as {takes[0].name}: set keys.")
             if not same_body(take.clip.skeleton, takes[0].clip.skeleton):
                 raise HopdiffError(f"{take.name} is of another body than {takes[0].name}.")
             clips[place] = take if take.way is not None else in_place(take)
-        speeds, betas = (tuple(sorted({place[k] for place in clips})) for k in range(2))
-        return cls(speeds, betas, clips)
+        speeds, betas, turns = (tuple(sorted({place[axis] for place in clips})) for axis in range(len(AXES)))
+        return cls(speeds, betas, turns, clips)
 
     @property
-    def missing(self) -> list[tuple[float, float]]:
+    def missing(self) -> list[Place]:
         """The crossings of the grid without a clip."""
-        return [(speed, beta) for speed in self.speeds for beta in self.betas if (speed, beta) not in self.clips]
+        return [place for place in product(self.speeds, self.betas, self.turns) if place not in self.clips]
 
     def edges(self) -> list[tuple[Take, Take]]:
-        """Neighbours along speed and along briskness."""
+        """Neighbours along each line of the grid."""
         found = []
-        for (speed, beta), take in self.clips.items():
-            places = (_after(speed, self.speeds), beta), (speed, _after(beta, self.betas))
+        for (speed, beta, turn), take in self.clips.items():
+            places = (
+                (_after(speed, self.speeds), beta, turn),
+                (speed, _after(beta, self.betas), turn),
+                (speed, beta, _after(turn, self.turns)),
+            )
             found += [(take, self.clips[place]) for place in places if place in self.clips]
         return found
 
@@ -74,7 +87,7 @@ class BlendSpace:
                 "name": take.name,
                 "speed": speed,
                 "beta": beta,
-                "turn": 0.0,
+                "turn": turn,
                 "stride_time": round(take.clip.duration, DIGITS),
                 "stride_length": round(stride_length(take), DIGITS),
                 "contacts": [
@@ -82,7 +95,7 @@ class BlendSpace:
                     for event in contact_events(take)
                 ],
             }
-            for (speed, beta), take in self.clips.items()
+            for (speed, beta, turn), take in self.clips.items()
         ]
         edges = self.edges()
         between = [slide for pair in edges if (slide := sliding(blend(pair, (0.5, 0.5)))) is not None]
@@ -91,7 +104,8 @@ class BlendSpace:
             "keys": next(iter(self.clips.values())).frames - 1,
             "speeds": list(self.speeds),
             "betas": list(self.betas),
-            "missing": [{"speed": speed, "beta": beta} for speed, beta in self.missing],
+            "turns": list(self.turns),
+            "missing": [dict(zip(AXES, place, strict=True)) for place in self.missing],
             "clips": clips,
             "sliding": {
                 "clips": round(max(own), DIGITS) if own else None,
@@ -121,11 +135,14 @@ def blend(takes: Sequence[Take], weights: Sequence[float]) -> Take:
         frame_time=duration / (first.frames - 1),
         offsets=offsets,
     )
-    ways = [take.way for take in takes if take.way is not None]
     contacts = [take.contact for take in takes if take.contact is not None]
     # A foot stands where it does in all of them.
     contact = torch.stack(contacts).all(dim=0) if len(contacts) == len(takes) else None
-    way = mean(ways) if len(ways) == len(takes) else None
+    way = None
+    if all(take.way is not None for take in takes):
+        ends = torch.tensor([(stride_length(take), _turned(take)) for take in takes], dtype=torch.float64)
+        length, turned = (share @ ends).tolist()
+        way = _arc(length, turned, first)
     others: dict[str, Any] = dict.fromkeys(("feet", "com", "leg_force", "force", "cop"))
     return replace(first, name="blend", clip=clip, contact=contact, way=way, numbers={}, **others)
 
@@ -137,22 +154,39 @@ def stride_length(take: Take) -> float:
 
 def sliding(take: Take) -> float | None:
     """How fast the balls of standing feet move over the ground, the mean over both [m/s], of a stride on the spot that
-    goes on along z as far as its way says; None where feet or contacts are not known."""
+    goes on as its way says; None where feet, contacts or way are not known."""
     parts = parts_of(take.clip.skeleton)
     balls = [parts.get(f"{side}_toe") for side in SIDES]
     if take.contact is None or take.way is None or None in balls:
         return None
-    frames = torch.arange(take.frames, dtype=torch.float64) / (take.frames - 1)
     places = take.clip.joint_positions()[:, balls]
-    gone = places + stride_length(take) * frames[:, None, None] * places.new_tensor((0.0, 0.0, 1.0))
-    speed = gone.diff(dim=0)[..., [0, 2]].norm(dim=-1) / take.clip.frame_time
+    zero = torch.zeros_like(take.way[:, 0])
+    gone = torch.stack((take.way[:, 0], zero, take.way[:, 1]), dim=-1)
+    world = places @ axis_rotation("Y", take.way[:, 2]).transpose(-1, -2) + gone.unsqueeze(1)
+    speed = world.diff(dim=0)[..., [0, 2]].norm(dim=-1) / take.clip.frame_time
     flat = take.contact & (places[..., 1] < places[..., 1].amin(dim=0) + FLAT)
     standing = flat[1:] & flat[:-1]
     return float(speed[standing].mean()) if bool(standing.any()) else None
 
 
-def _number(take: Take, entry: str) -> float:
-    found = take.numbers.get(entry)
+def _turned(take: Take) -> float:
+    """By how much a stride on the spot turns to the left [rad]."""
+    assert take.way is not None
+    return float(take.way[-1, 2] - take.way[0, 2])
+
+
+def _arc(length: float, turned: float, take: Take) -> Tensor:
+    """(T, 3) x, z and yaw of the way of that length [m] that turns steadily [rad], for every frame of a take."""
+    done = torch.linspace(0.0, 1.0, take.frames, dtype=torch.float64)
+    if abs(turned) < STRAIGHT:
+        return torch.stack((0.0 * done, length * done, 0.0 * done), dim=-1)
+    radius = length / turned
+    yaw = turned * done
+    return torch.stack((radius * (1.0 - torch.cos(yaw)), radius * torch.sin(yaw), yaw), dim=-1)
+
+
+def _number(take: Take, entry: str, unknown: float | None = None) -> float:
+    found = take.numbers.get(entry, unknown)
     if not isinstance(found, int | float):
         raise HopdiffError(f"{take.name} has no place in a blend space: its {entry} is not known.")
     return round(float(found), DIGITS)

@@ -24,6 +24,7 @@ from hopdiff.export.contact_events import told
 from hopdiff.export.pose import root_height
 from hopdiff.export.take import Take
 from hopdiff.geometry.quaternion import quaternions
+from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.files import write_whole
 from hopdiff.types import HopdiffError
 

@@ -13,13 +13,15 @@ from hopdiff.export.take import Take
 
 FACING = math.radians(15.0)  # between facing and way up to which a body counts as facing its way
 SLOW = 0.2  # m/s below which a way has no direction
+TURNED = math.radians(0.5)  # by which a loop's heading changes if it turns
 STRIDE = 1.0  # s over which the way is averaged where the time of a stride is not known
 
 
 def ground_path(take: Take) -> RootPath:
     """Place (T, 2) [m] and yaw (T,) [rad] of a take, averaged over a stride so that sway and bounce are left out.
 
-    Of one stride that repeats itself this is the straight way from its first frame to its last. A body that goes about
+    Of one stride that repeats itself this is the straight way from its first frame to its last, or the arc if each
+    repetition is turned. A body that goes about
     where it faces heads along its way.
     """
     path = root_path(take.clip)
@@ -28,7 +30,45 @@ def ground_path(take: Take) -> RootPath:
     values = torch.cat((path.place, path.yaw[:, None]), dim=-1)
     if take.frames < 3:
         return path
+    if take.loop and (window == take.frames - 1 or "turn" in take.numbers) and _turns(path):
+        return _headed(_on_arc(path, _radius(take)), take.clip.frame_time)
     return _headed(_split(_averaged(values, window, take.loop)), take.clip.frame_time)
+
+
+def _turns(path: RootPath) -> bool:
+    """Whether a path ends with another heading than it begins with."""
+    return abs(math.sin(0.5 * float(path.yaw[-1] - path.yaw[0]))) > 0.5 * TURNED
+
+
+def _radius(take: Take) -> float | None:
+    """Of the arc on which the feet of a take tread, where it is known [m]."""
+    speed, turn = (take.numbers.get(name) for name in ("speed", "turn"))
+    if not (isinstance(speed, int | float) and isinstance(turn, int | float)) or turn == 0.0:
+        return None
+    return abs(speed / math.radians(turn))
+
+
+def _on_arc(path: RootPath, radius: float | None) -> RootPath:
+    """The steady way of a loop that turns: round the point about which each repetition is turned from the last one.
+
+    radius: of the way; that of the root if not given, which leans into the turn.
+    """
+    turn = path.yaw[-1] - path.yaw[0]
+    once = _about(turn)
+    centre = torch.linalg.solve(torch.eye(2).double() - once, path.place[-1] - once @ path.place[0])
+    done = torch.linspace(0.0, 1.0, path.frames, dtype=torch.float64) * turn
+    # Seen from a frame that turns along the body is in one place, but for sway.
+    seen = (_about(-done) @ (path.place - centre).unsqueeze(-1)).squeeze(-1)[:-1].mean(dim=0)
+    if radius is not None:
+        seen = radius * seen / seen.norm()
+    place = centre + (_about(done) @ seen.unsqueeze(-1)).squeeze(-1)
+    return RootPath(place, done + (path.yaw - done)[:-1].mean())
+
+
+def _about(yaw: Tensor) -> Tensor:
+    """(..., 2, 2) what turns x and z by a yaw, from +z towards +x."""
+    c, s = torch.cos(yaw), torch.sin(yaw)
+    return torch.stack((torch.stack((c, s), dim=-1), torch.stack((-s, c), dim=-1)), dim=-2)
 
 
 def _stride(take: Take) -> float:

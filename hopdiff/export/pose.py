@@ -103,8 +103,12 @@ def mirrored(take: Take) -> Take:
         return None if values is None else values.flip(1)
 
     feet, com = sides(take.feet), take.com
+    numbers = dict(take.numbers)
+    if isinstance(turn := numbers.get("turn"), int | float):
+        numbers["turn"] = -turn
     return replace(
         take,
+        numbers=numbers,
         clip=clip,
         contact=sides(take.contact),
         leg_force=sides(take.leg_force),

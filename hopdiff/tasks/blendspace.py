@@ -13,9 +13,10 @@ from hopdiff.config import build_job, check_numbers
 from hopdiff.effort.problem import NEAR, BodyProblem
 from hopdiff.export.request import Exports
 from hopdiff.export.settings import ExportSettings
+from hopdiff.export.tables import write_npz
 from hopdiff.export.take import Take
 from hopdiff.export.write import distinct
-from hopdiff.io.record import prepare_folder
+from hopdiff.io.record import prepare_folder, write_json
 from hopdiff.io.run_folder import RunFolder
 from hopdiff.job import Job, check_frames, make_run
 from hopdiff.messages import say
@@ -23,6 +24,7 @@ from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.export import export_takes
 from hopdiff.tasks.results import shown, write_motion, write_numbers
 from hopdiff.tasks.run import searched
+from hopdiff.tasks.turning import check_turn, turning
 from hopdiff.types import HopdiffError
 
 RUNS = "runs"  # folder of the runs, inside of that of the task
@@ -30,10 +32,11 @@ RUNS = "runs"  # folder of the runs, inside of that of the task
 
 @dataclass
 class GridSettings:
-    """speeds [m/s], betas: each speed with each beta is a run."""
+    """speeds [m/s], betas: each speed with each beta is a run. turns [deg/s]: of each run, to the left; 0: straight."""
 
     speeds: list[float]
     betas: list[float]
+    turns: list[float]
 
 
 @dataclass
@@ -46,13 +49,15 @@ class BlendSpaceTask:
 def build(call: Call) -> Work:
     """Check the grid. Raises HopdiffError, naming the setting."""
     grid: GridSettings = call.own.blendspace
-    for name in ("speeds", "betas"):
+    for name in ("speeds", "betas", "turns"):
         values = getattr(grid, name)
         if not values or len(set(values)) < len(values):
             raise HopdiffError(f"blendspace.{name} must be a list of different numbers, not {values}.")
     for speed in grid.speeds:
         for beta in grid.betas:
             check_numbers(replace(call.settings, speed=speed, beta=beta))
+        for turn in grid.turns:
+            check_turn(speed, turn, "blendspace.turns")
     exports = call.exports
     if not exports.files:
         chosen = ExportSettings(**defaults_of("export", "blendspace"))
@@ -78,7 +83,14 @@ def work(call: Call, grid: GridSettings, exports: Exports, folder: RunFolder) ->
         prepare_folder(own)
         write_numbers(own, job, run)
         write_motion(own, run)
-        takes.append(run.take())
+        for turn in sorted(grid.turns):
+            take = run.take() if turn == 0.0 else turning(job, run, turn)
+            takes.append(take)
+            if turn != 0.0:
+                bent = own.with_name(f"{own.name}_turn{turn:g}")
+                prepare_folder(bent)
+                write_json(bent / "metrics.json", take.numbers)
+                write_npz(bent / "motion.npz", take)
         cost, seconds = run.metrics["cost"], run.metrics["wall_seconds"]
         say(f"{number:>3} of {len(places)}: {speed:g} m/s, beta {beta:g}: cost {cost:.4f}, {seconds:.0f} s")
         if result.interrupted:

@@ -148,7 +148,11 @@ def on_target(takes: Sequence[Take], target: Target, settings: RetargetSettings)
         # What mirrors and repeats knows the source; the target's feet are planted over the whole of it.
         facing = torch.tensor(target.facing(), dtype=torch.float64)
         rest = axis_rotation("Y", -facing) @ target.rest[0]
-        moved = [in_place_if(retargeted(with_clip(take, settings), target), settings, rest) for take in takes]
+        moved = []
+        for clip in (with_clip(take, settings) for take in takes):
+            found = retargeted(clip, target)
+            turn = {name: value for name, value in clip.numbers.items() if name == "turn"}
+            moved.append(in_place_if(replace(found, numbers={**found.numbers, **turn}), settings, rest))
         return named(moved, settings)
     except HopdiffError as error:
         raise HopdiffError(f"retarget: {error}") from error

@@ -48,7 +48,7 @@ def space() -> BlendSpace:
 
 def test_clips_are_alike_in_phase_and_on_a_grid() -> None:
     found = space()
-    assert (found.speeds, found.betas, found.missing) == (SPEEDS, BETAS, [])
+    assert (found.speeds, found.betas, found.turns, found.missing) == (SPEEDS, BETAS, (0.0,), [])
     index = found.index()
     assert index["keys"] == 64
     assert len({clip["stride_time"] for clip in index["clips"]}) > 1
@@ -67,8 +67,8 @@ def test_clips_are_alike_in_phase_and_on_a_grid() -> None:
 
 def test_a_grid_need_not_be_full_and_says_what_is_missing() -> None:
     found = BlendSpace.of(list(space().clips.values())[:3])
-    assert found.missing == [(4.0, 0.7)]
-    assert found.index()["missing"] == [{"speed": 4.0, "beta": 0.7}]
+    assert found.missing == [(4.0, 0.7, 0.0)]
+    assert found.index()["missing"] == [{"speed": 4.0, "beta": 0.7, "turn": 0.0}]
     assert len(found.edges()) == 2
     assert len(space().edges()) == 4
 
@@ -90,7 +90,7 @@ def test_a_blend_is_between_its_clips() -> None:
 
 def test_sliding_is_how_fast_standing_feet_move() -> None:
     """A body that goes too far for its feet by a tenth slides by a tenth of its speed."""
-    take = space().clips[3.0, 0.2]
+    take = space().clips[3.0, 0.2, 0.0]
     assert take.way is not None
     still, further = sliding(take), sliding(replace(take, way=1.1 * take.way))
     assert still is not None
@@ -124,7 +124,7 @@ def test_what_cannot_be_blended_is_refused(tmp_path: Path) -> None:
     body = clips[1].clip.skeleton
     tall = replace(clips[1], clip=replace(clips[1].clip, skeleton=replace(body, offsets=1.1 * body.offsets)))
     for takes, message in (
-        ([clips[0], replace(clips[0], name="b")], r"run_3_0.2 and b are both of speed 3 and beta 0.2"),
+        ([clips[0], replace(clips[0], name="b")], r"run_3_0.2 and b are both of speed 3, beta 0.2 and turn 0"),
         ([clips[0], tall], r"run_3_0.7 is of another body than run_3_0.2"),
         ([replace(clips[0], numbers={})], r"run_3_0.2 has no place in a blend space: its speed is not known"),
         ([clips[0], replace(clips[1], loop=False)], r"run_3_0.7 is no loop of as many keys"),

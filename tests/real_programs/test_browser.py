@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -181,7 +182,7 @@ def test_a_blend_space_shows_what_its_point_says(tmp_path: Path, takes: list[Tak
             (4.5, 0.6, (0.05, 0.2, 0.15, 0.6)),
         ):
             wanted = {(3.0, 0.2): 0, (3.0, 0.7): 1, (5.0, 0.2): 2, (5.0, 0.7): 3}
-            own = [weights[wanted[place]] for place in space.clips]
+            own = [weights[wanted[place[:2]]] for place in space.clips]
             page.evaluate(f"hopdiff.choose({speed}, {beta})")
             assert page.evaluate("hopdiff.weights") == pytest.approx(own)
             for key in (0, 13, 40):
@@ -196,9 +197,32 @@ def test_a_blend_space_shows_what_its_point_says(tmp_path: Path, takes: list[Tak
         page.mouse.move(box["x"] - 1000, box["y"] - 1000)
         page.mouse.up()
         corner = page.evaluate("hopdiff.weights")
-        assert corner[list(space.clips).index((3.0, 0.7))] == pytest.approx(1.0)
+        assert corner[list(space.clips).index((3.0, 0.7, 0.0))] == pytest.approx(1.0)
         assert errors == []
         assert requests == []
+
+
+def test_a_blend_space_with_turns_goes_round(tmp_path: Path, takes: list[Take]) -> None:
+    from experiments.exports.in_browser import opened
+    from hopdiff.export.blend_page import blend_page
+    from hopdiff.export.blend_space import BlendSpace
+    from hopdiff.export.one_stride import one_stride
+
+    straight = one_stride(takes[0], 48)
+    bent = replace(straight, name="bent", numbers={**straight.numbers, "turn": 40.0})
+    space, file = BlendSpace.of([straight, bent]), tmp_path / "blend.html"
+    file.write_text(blend_page(space, space.index()), encoding="utf-8")
+    with opened(file, still=True) as (page, errors, _):
+        assert page.is_visible("#turn")
+        for turn, share in ((0.0, 0.0), (20.0, 0.5), (40.0, 1.0)):
+            page.evaluate(f"hopdiff.choose({straight.numbers['speed']}, {straight.numbers['beta']}, {turn})")
+            assert page.evaluate("hopdiff.weights") == pytest.approx([1.0 - share, share])
+            page.evaluate("hopdiff.setPhase(0)")
+            before = page.evaluate("hopdiff.heading")
+            page.evaluate("hopdiff.setPhase(0.5)")
+            after = page.evaluate("hopdiff.heading")
+            assert after - before == pytest.approx(math.radians(0.5 * turn * straight.clip.duration), abs=1e-6)
+        assert errors == []
 
 
 def test_many_runs_stand_in_rows_with_a_table_of_what_differs(tmp_path: Path, takes: list[Take]) -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -10,11 +11,20 @@ from hopdiff.cli import main
 from hopdiff.composing import compose
 from hopdiff.config import build_job
 from hopdiff.effort.problem import BodyProblem
+from hopdiff.export.blend_space import sliding
+from hopdiff.export.contact_events import contact_events, root_motion
+from hopdiff.export.full_body import full_body
+from hopdiff.export.one_stride import one_stride
+from hopdiff.export.pose import mirrored
+from hopdiff.export.prepare import in_place
 from hopdiff.export.tables import read_npz
 from hopdiff.io.glb_file import read_glb
+from hopdiff.job import make_run
 from hopdiff.tasks.blendspace import begin_near
+from hopdiff.tasks.turning import turning
+from tests.builders import valid_genes
 from tests.export.gltf import Gltf
-from tests.export.rigs import armature, skeleton
+from tests.export.rigs import armature, skeleton, with_legs
 from tests.tasks.test_path import QUICK
 
 GRID = ("task=blendspace", "blendspace.speeds=[4,3]", "blendspace.betas=[0.2,0.7]")
@@ -57,7 +67,9 @@ def test_finished_runs_are_a_space_too_and_need_not_be_all(
     assert sorted(ours["clips"], key=lambda clip: clip["name"]) == sorted(again["clips"], key=lambda clip: clip["name"])
     three = ",".join(str(grid / "runs" / name) for name in ("v3_beta0.2", "v3_beta0.7", "v4_beta0.7"))
     assert call(monkeypatch, tmp_path / "part", "task=export", f"run=[{three}]", "export=[blendspace]") == 0
-    assert json.loads((tmp_path / "part" / "blendspace.json").read_text())["missing"] == [{"speed": 4.0, "beta": 0.2}]
+    assert json.loads((tmp_path / "part" / "blendspace.json").read_text())["missing"] == [
+        {"speed": 4.0, "beta": 0.2, "turn": 0.0}
+    ]
 
 
 @pytest.mark.parametrize("rooted", [False, True])
@@ -107,6 +119,65 @@ def test_a_search_begins_at_its_neighbour_where_that_costs_less() -> None:
     assert other.problem.spread < spread
 
 
+@pytest.mark.parametrize("model", ["smooth", "body"])
+def test_a_turning_stride_runs_on_a_circle(model: str) -> None:
+    """Each repetition is turned about one point, at a distance of speed over rate of turn, and feet stand."""
+    job = build_job(compose([f"model={model}", "speed=3.2", "beta=0.2"]))
+    genes = job.problem.start if model == "body" else valid_genes(job.problem, 1, seed=2)[0]
+    run = make_run(job, genes)
+    for turn in (60.0, -40.0):
+        take = turning(job, run, turn)
+        assert take.loop
+        assert take.clip.duration == pytest.approx(run.metrics["stride_time"], rel=0.02)
+        assert contact_events(take)[0].name == "LeftDown"
+        assert contact_events(take)[0].time == pytest.approx(0.0, abs=0.01)
+        heads = take.repeated(4).clip.root_position[:: take.frames - 1, [0, 2]].numpy()
+        # A circle through three places of the root, a stride apart.
+        sides = np.linalg.norm(heads[[1, 2, 0]] - heads[[2, 0, 1]], axis=1)
+        angle = np.radians(turn) * take.clip.duration
+        assert sides[0] == pytest.approx(sides[2], rel=1e-3)
+        assert sides[1] == pytest.approx(2.0 * sides[0] * np.cos(0.5 * angle), rel=1e-3)
+        # To the left is towards +x.
+        assert np.sign(heads[3, 0] - heads[0, 0]) == np.sign(turn)
+        way = root_motion(take)
+        assert float(way.distance[-1]) == pytest.approx(3.2 * take.clip.duration, rel=0.01)
+        assert float(way.yaw[-1] - way.yaw[0]) == pytest.approx(angle, rel=1e-3)
+        whole = full_body(take) if model == "smooth" else take
+        for one in (whole, one_stride(whole, 64)):
+            slide = sliding(in_place(one))
+            assert slide is not None
+            assert slide < 0.08
+        # In the mirror it turns to the other side.
+        assert root_motion(mirrored(take)).yaw[-1] == pytest.approx(-float(way.yaw[-1]), abs=1e-6)
+        assert mirrored(take).numbers["turn"] == -turn
+
+
+def test_turns_are_clips_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ("task=blendspace", "blendspace.speeds=[3]", "blendspace.betas=[0.2]", "blendspace.turns=[-50,0,50]")
+    assert call(monkeypatch, tmp_path / "out", *words, *QUICK) == 0
+    index = json.loads((tmp_path / "out" / "blendspace.json").read_text())
+    assert index["turns"] == [-50.0, 0.0, 50.0]
+    assert sorted(clip["turn"] for clip in index["clips"]) == [-50.0, 0.0, 50.0]
+    for clip in index["clips"]:
+        assert clip["stride_length"] / clip["stride_time"] == pytest.approx(3.0, rel=0.01)
+    # Again from the folders of the runs, and on another body, whose steps are as long as its legs.
+    hero = tmp_path / "hero.glb"
+    hero.write_bytes(armature(with_legs(skeleton(), 0.8)))
+    words = ("task=export", f"runs={tmp_path / 'out' / 'runs'}", "export=[blendspace]")
+    assert call(monkeypatch, tmp_path / "again", *words) == 0
+    again = json.loads((tmp_path / "again" / "blendspace.json").read_text())
+    assert {clip["name"]: clip["turn"] for clip in again["clips"]} == {
+        clip["name"]: clip["turn"] for clip in index["clips"]
+    }
+    more = ("retarget.keys=64", "retarget.root=in_place", f"retarget.skeleton={hero}")
+    assert call(monkeypatch, tmp_path / "hero", *words, *more) == 0
+    small = json.loads((tmp_path / "hero" / "blendspace.json").read_text())
+    assert small["turns"] == [-50.0, 0.0, 50.0]
+    for clip in small["clips"]:
+        assert clip["stride_length"] / clip["stride_time"] == pytest.approx(clip["speed"], rel=0.03)
+        assert clip["speed"] < 2.7
+
+
 @pytest.mark.parametrize(
     ("word", "message"),
     [
@@ -114,6 +185,7 @@ def test_a_search_begins_at_its_neighbour_where_that_costs_less() -> None:
         ("blendspace.betas=[0.2,0.2]", "blendspace.betas must be a list of different numbers"),
         ("blendspace.speeds=[3,-1]", "speed must be a number above 0"),
         ("blendspace.betas=[0.2,1.5]", "beta must be at least 0 and below 1"),
+        ("blendspace.turns=[0,190]", "blendspace.turns must lie between -141 and 141 deg/s at 4 m/s, not 190"),
         ("blendspace.keys=3", "blendspace.keys"),
     ],
 )

@@ -1,11 +1,15 @@
-// Clips on a grid of speed and briskness, blended at one phase where the point of the pad is.
+// Clips on a grid of speed, briskness and turn, blended at one phase where the point of the pad is.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const element = (id) => document.getElementById(id);
 const VIEWS = { side: [Math.PI / 2, 0.08], front: [0, 0.1], three: [0.75, 0.22], top: [Math.PI, 1.5] };
 const PAD = { left: 44, right: 286, top: 14, bottom: 212 };
 const middle = (line) => 0.5 * (line[0] + line[line.length - 1]);
-const state = { phase: 0, distance: 0, playing: false, rate: 1, speed: middle(data.speeds), beta: middle(data.betas) };
+const LINES = { speed: data.speeds, beta: data.betas, turn: data.turns };
+const state = {
+  phase: 0, distance: 0, heading: 0, place: [0, 0], playing: false, rate: 1,
+  speed: middle(data.speeds), beta: middle(data.betas), turn: middle(data.turns),
+};
 
 // The shares of two neighbours on a line of the grid, as [number, share].
 function shares(line, value) {
@@ -21,8 +25,11 @@ function weights() {
   const found = data.clips.map(() => 0);
   for (const [i, alongSpeed] of shares(data.speeds, state.speed)) {
     for (const [k, alongBeta] of shares(data.betas, state.beta)) {
-      const clip = data.clips.findIndex((one) => one.speed === data.speeds[i] && one.beta === data.betas[k]);
-      if (clip >= 0) found[clip] += alongSpeed * alongBeta;
+      for (const [m, alongTurn] of shares(data.turns, state.turn)) {
+        const clip = data.clips.findIndex((one) =>
+          one.speed === data.speeds[i] && one.beta === data.betas[k] && one.turn === data.turns[m]);
+        if (clip >= 0) found[clip] += alongSpeed * alongBeta * alongTurn;
+      }
     }
   }
   const total = found.reduce((a, b) => a + b, 0);
@@ -30,7 +37,7 @@ function weights() {
   // Beside a crossing without a clip: the nearest one.
   const wide = (line) => line[line.length - 1] - line[0] || 1;
   const far = data.clips.map((one) =>
-    Math.hypot((one.speed - state.speed) / wide(data.speeds), (one.beta - state.beta) / wide(data.betas)));
+    Math.hypot(...Object.entries(LINES).map(([name, line]) => (one[name] - state[name]) / wide(line))));
   return far.map((value) => (value === Math.min(...far) ? 1 : 0));
 }
 
@@ -68,7 +75,7 @@ class Runner {
     });
   }
 
-  pose(phase, shared, distance) {
+  pose(phase, shared, [x, z], heading) {
     this.actions.forEach((action, k) => {
       action.enabled = shared[k] > 0;
       action.setEffectiveWeight(shared[k]);
@@ -76,8 +83,9 @@ class Runner {
       action.time = Math.min(phase, 1 - 1e-6) * action.getClip().duration;
     });
     this.mixer.update(0);
-    this.group.position.z = distance;
-    this.centre.set(0, 0, distance);
+    this.group.position.set(x, 0, z);
+    this.group.rotation.y = heading;
+    this.centre.set(x, 0, z);
     this.group.updateMatrixWorld(true);
   }
 
@@ -94,20 +102,31 @@ let stage = null;
 function blended() {
   const shared = weights();
   const mean = (entry) => data.clips.reduce((sum, clip, k) => sum + shared[k] * clip[entry], 0);
-  return { shared, time: mean("stride_time"), length: mean("stride_length") };
+  // By how much a stride turns [rad].
+  const angle = data.clips.reduce((sum, clip, k) => sum + shared[k] * clip.turn * clip.stride_time, 0) * Math.PI / 180;
+  return { shared, time: mean("stride_time"), length: mean("stride_length"), angle };
+}
+
+// On along the way by a share of a stride.
+function advance(share) {
+  const { length, angle } = blended();
+  const middle = state.heading + 0.5 * share * angle;
+  state.place = [state.place[0] + share * length * Math.sin(middle), state.place[1] + share * length * Math.cos(middle)];
+  state.heading += share * angle;
+  state.distance += share * length;
 }
 
 function show() {
   const now = blended();
-  runner.pose(state.phase, now.shared, state.distance);
-  stage.orbit.point.set(0, 0.52 * data.body.height, state.distance);
+  runner.pose(state.phase, now.shared, state.place, state.heading);
+  stage.orbit.point.set(state.place[0], 0.52 * data.body.height, state.place[1]);
   stage.dirty = true;
   element("frame").value = state.phase;
   element("now").textContent = `phase ${state.phase.toFixed(2)}   ${(state.phase * now.time).toFixed(2)} s`;
-  element("speed").value = state.speed;
-  element("beta").value = state.beta;
+  for (const name of Object.keys(LINES)) element(name).value = state[name];
   element("speed_now").textContent = `${state.speed.toFixed(2)} m/s`;
   element("beta_now").textContent = state.beta.toFixed(2);
+  element("turn_now").textContent = `${state.turn.toFixed(0)} °/s`;
   const rows = [
     ["Moves at", `${(now.length / now.time).toFixed(2)} m/s`],
     ["Stride", `${now.time.toFixed(3)} s, ${now.length.toFixed(2)} m`],
@@ -153,7 +172,9 @@ function drawPad() {
   drawn("text", { x: 0.5 * (PAD.left + PAD.right), y: PAD.bottom + 33, "text-anchor": "middle" }, "speed, m/s");
   const half = 0.5 * (PAD.top + PAD.bottom);
   drawn("text", { x: 10, y: half, "text-anchor": "middle", transform: `rotate(-90 10 ${half})` }, "briskness β");
+  // The pad is that of one turn; where a clip of any turn is there, the crossing has its dot.
   for (const { speed, beta } of data.missing) {
+    if (data.clips.some((clip) => clip.speed === speed && clip.beta === beta)) continue;
     const [cx, cy] = toPad(speed, beta);
     drawn("circle", { class: "missing", cx, cy, r: 5 });
   }
@@ -171,10 +192,11 @@ function drawPoint(shared) {
   dots.forEach((dot, k) => dot.classList.toggle("used", shared[k] > 0.005));
 }
 
-function choose(speed, beta) {
+function choose(speed, beta, turn = state.turn) {
   const inside = (line, value) => Math.min(Math.max(value, line[0]), line[line.length - 1]);
   state.speed = inside(data.speeds, speed);
   state.beta = inside(data.betas, beta);
+  state.turn = inside(data.turns, turn);
   show();
 }
 
@@ -194,7 +216,7 @@ function setPlaying(playing) {
 }
 
 function setPhase(phase) {
-  state.distance += (phase - state.phase) * blended().length;
+  advance(phase - state.phase);
   state.phase = phase;
   show();
 }
@@ -208,12 +230,13 @@ function listen() {
   const pad = element("pad");
   pad.addEventListener("pointerdown", (event) => { pad.setPointerCapture(event.pointerId); dragged(event); });
   pad.addEventListener("pointermove", (event) => { if (pad.hasPointerCapture(event.pointerId)) dragged(event); });
-  for (const [name, line] of [["speed", data.speeds], ["beta", data.betas]]) {
+  element("turning").hidden = data.turns.length < 2;
+  for (const [name, line] of Object.entries(LINES)) {
     const slider = element(name);
     slider.min = line[0];
     slider.max = line[line.length - 1];
     slider.disabled = line.length < 2;
-    slider.addEventListener("input", () => choose(...["speed", "beta"].map((one) => (one === name ? Number(slider.value) : state[one]))));
+    slider.addEventListener("input", () => choose(...Object.keys(LINES).map((one) => (one === name ? Number(slider.value) : state[one]))));
   }
   element("frame").addEventListener("input", () => { setPlaying(false); setPhase(Number(element("frame").value)); });
   element("play").addEventListener("click", () => setPlaying(!state.playing));
@@ -231,9 +254,8 @@ function tick(now) {
   const passed = before === null ? 0 : Math.min(0.1, (now - before) / 1000);
   before = now;
   if (state.playing) {
-    const { time, length } = blended();
-    const gone = state.rate * passed / time;
-    state.distance += gone * length;
+    const gone = state.rate * passed / blended().time;
+    advance(gone);
     state.phase = (state.phase + gone) % 1;
     show();
   }
@@ -251,6 +273,7 @@ window.hopdiff = {
   get playing() { return state.playing; },
   get phase() { return state.phase; },
   get distance() { return state.distance; },
+  get heading() { return state.heading; },
   get weights() { return weights(); },
   choose,
   pause() { setPlaying(false); },
