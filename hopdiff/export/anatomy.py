@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hopdiff.geometry.body_parts import body_parts
 from hopdiff.geometry.joint_names import SIDES
 from hopdiff.geometry.skeleton import Skeleton
+from hopdiff.geometry.trunk_parts import trunk_parts
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
 
@@ -87,10 +88,13 @@ GROUND_ROOT = {"unreal_mannequin": "root"}  # schemes whose root is a joint on t
 def parts_of(skeleton: Skeleton, skin: Collection[int] = ()) -> dict[str, int]:
     """Part of the body, by the names of `full_body`, -> joint; without the parts that were not found.
 
-    skin: the joints that carry the skin, where that is known.
+    By the names of a whole scheme, whatever the shape, with what the spine has between pelvis and neck; or else as
+    `body_parts` finds them. skin: the joints that carry the skin, where that is known.
     """
-    if set(JOINTS) <= set(skeleton.names):
-        return {part: skeleton.index(part) for part in JOINTS}
+    for scheme in SCHEMES.values():
+        if set(scheme.values()) <= set(skeleton.names):
+            found = {part: skeleton.index(name) for part, name in scheme.items()}
+            return found | trunk_parts(skeleton, found)
     return body_parts(skeleton, skin)
 
 

@@ -215,6 +215,11 @@ def test_a_body_that_faces_backwards_has_its_left_where_its_toes_say() -> None:
     assert found(turned, body.names) == PLAIN.parts
 
 
+def test_names_of_a_whole_scheme_count_whatever_the_shape() -> None:
+    family = FAMILIES["mixamo"]
+    assert found(made(family, {"left_wrist": (1.6, 1.42, -0.03)})) == family.parts
+
+
 def test_limbs_of_one_bone_are_no_legs() -> None:
     """As the smallest figures of games have them."""
     places = {
