@@ -54,7 +54,7 @@ def _in_rest_pose(path: str, names: str, file: GlbFile) -> Target:
             " how the skin follows was not looked at."
         )
     if meshes.aside:
-        notes.append(f"{Path(path).name}: {few(meshes.aside)} not on the skeleton, and not moved.")
+        notes.append(f"{Path(path).name}: {few(meshes.aside)} hang elsewhere than on the skeleton, and are not moved.")
     found: list[Target] = []
     failed: HopdiffError | None = None
     for matrices in rest_poses(file):

@@ -1,0 +1,150 @@
+"""The second look at a written character: what does not follow the body is seen, and not written."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from hopdiff.export.retarget import read_target, retargeted, write_retargeted
+from hopdiff.export.skin_check import check_skin
+from hopdiff.io.glb_file import GlbFile
+from hopdiff.types import HopdiffError
+from tests.export.rigs import glb
+from tests.export.stand_ins import stand_in
+from tests.export.takes import own
+
+
+def edited(data: bytes, change: Callable[[dict[str, Any]], object]) -> bytes:
+    length = struct.unpack_from("<I", data, 12)[0]
+    content = json.loads(data[20 : 20 + length])
+    change(content)
+    return glb(content, data[28 + length :])
+
+
+def still(*names: str) -> Callable[[dict[str, Any]], object]:
+    """Nodes do not move in the last animation."""
+
+    def change(content: dict[str, Any]) -> None:
+        animation = content["animations"][-1]
+        nodes = [k for k, node in enumerate(content["nodes"]) if node.get("name") in names]
+        animation["channels"] = [one for one in animation["channels"] if one["target"]["node"] not in nodes]
+
+    return change
+
+
+def made(path: Path, *properties: str) -> tuple[Any, Any, bytes]:
+    path.write_bytes(stand_in("mixamo", *properties))
+    target = read_target(path)
+    take = retargeted(own(), target)
+    write_retargeted(path.with_name("out.glb"), [take], target)
+    return target, take, path.with_name("out.glb").read_bytes()
+
+
+def test_a_sound_skin(tmp_path: Path) -> None:
+    target, take, data = made(tmp_path / "hero.glb")
+    [found] = check_skin(data, [take], target)
+    assert not found.torn
+    assert found.warnings("hero.glb") == []
+    assert found.stretch < 2.0
+    assert found.sole is not None
+    assert found.sole < 0.005
+    assert found.behind == ()
+
+
+def test_feet_that_stay_where_they_are_tear_the_skin(tmp_path: Path) -> None:
+    target, take, data = made(tmp_path / "hero.glb", "ik_feet")
+    [found] = check_skin(edited(data, still("mixamorig:LeftFoot", "mixamorig:LeftToeBase")), [take], target)
+    assert found.torn
+    assert found.stretch > 3.0
+    assert any("Left" in name for name in found.between)
+
+
+def test_a_torn_skin_is_refused_with_the_joints_and_nothing_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target, take, _ = made(tmp_path / "hero.glb", "ik_feet")
+    whole = GlbFile.with_animations
+    broken = still("mixamorig:LeftFoot", "mixamorig:LeftToeBase")
+    monkeypatch.setattr(GlbFile, "with_animations", lambda file, motions: edited(whole(file, motions), broken))
+    with pytest.raises(HopdiffError, match=r"would tear its skin at .*Left.*, which does not follow the body") as error:
+        write_retargeted(tmp_path / "torn.glb", [take], target)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "torn.glb").exists()
+
+
+def test_soles_off_the_ground_are_told(tmp_path: Path) -> None:
+    target, take, _ = made(tmp_path / "hero.glb")
+    up = take.clip.root_position + torch.tensor([0.0, 0.05, 0.0], dtype=torch.float64)
+    high = replace(take, clip=replace(take.clip, root_position=up))
+    [found] = write_retargeted(tmp_path / "high.glb", [high], target)
+    assert found.sole == pytest.approx(0.05, abs=0.005)
+    assert found.warnings("hero.glb") == ["hero.glb: its soles are up to 5.1 cm off the ground while they stand."]
+
+
+def test_several_motions_are_looked_at_one_by_one(tmp_path: Path) -> None:
+    target, take, _ = made(tmp_path / "hero.glb")
+    up = take.clip.root_position + torch.tensor([0.0, 0.05, 0.0], dtype=torch.float64)
+    high = replace(take, name="high", clip=replace(take.clip, root_position=up))
+    checks = write_retargeted(tmp_path / "two.glb", [take, high], target)
+    assert [check.sole is not None and check.sole > 0.04 for check in checks] == [False, True]
+    length = struct.unpack_from("<I", (tmp_path / "two.glb").read_bytes(), 12)[0]
+    content = json.loads((tmp_path / "two.glb").read_bytes()[20 : 20 + length])
+    assert [one["name"] for one in content["animations"]] == ["run", "high"]
+    assert all(one["extras"]["loop"] is True for one in content["animations"])
+    assert all(one["extras"]["travel_m"][2] > 0.5 for one in content["animations"])
+
+
+def draco(content: dict[str, Any]) -> None:
+    for mesh in content["meshes"]:
+        mesh["primitives"][0]["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {}}}
+
+
+def meshopt(content: dict[str, Any]) -> None:
+    position = content["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+    view = content["bufferViews"][content["accessors"][position]["bufferView"]]
+    view["extensions"] = {"EXT_meshopt_compression": {"buffer": 0, "byteLength": 10, "byteStride": 12, "count": 1}}
+
+
+@pytest.mark.parametrize(
+    ("change", "why"), [(draco, "KHR_draco_mesh_compression"), (meshopt, "EXT_meshopt_compression")]
+)
+def test_meshes_that_cannot_be_read_are_told(
+    tmp_path: Path, change: Callable[[dict[str, Any]], object], why: str
+) -> None:
+    (tmp_path / "hero.glb").write_bytes(edited(stand_in("mixamo"), change))
+    target = read_target(tmp_path / "hero.glb")
+    assert target.skin is None
+    assert target.notes == (
+        f"hero.glb: the mesh of Body cannot be read ({why}): soles are where joints say, and how the skin follows was not"
+        " looked at.",
+    )
+    take = retargeted(own(), target)
+    assert write_retargeted(tmp_path / "out.glb", [take], target) == []
+
+
+def test_what_is_not_on_the_skeleton_is_told(tmp_path: Path) -> None:
+    def hat(content: dict[str, Any]) -> None:
+        content["scenes"][0]["nodes"].append(len(content["nodes"]))
+        content["nodes"].append({"name": "Hat", "mesh": 0})
+
+    (tmp_path / "hero.glb").write_bytes(edited(stand_in("mixamo"), hat))
+    assert read_target(tmp_path / "hero.glb").notes == (
+        "hero.glb: Hat hang elsewhere than on the skeleton, and are not moved.",
+    )
+
+
+def test_limbs_below_an_uneven_scale_are_refused(tmp_path: Path) -> None:
+    def hips(content: dict[str, Any]) -> None:
+        node = next(one for one in content["nodes"] if one["name"] == "mixamorig:Spine")
+        node["scale"] = [1.0, 2.0, 1.0]
+
+    (tmp_path / "hero.glb").write_bytes(edited(stand_in("mixamo"), hips))
+    with pytest.raises(HopdiffError, match=r"'mixamorig:Spine' is scaled unevenly, and 'mixamorig:Spine1' \(chest\)"):
+        read_target(tmp_path / "hero.glb")
