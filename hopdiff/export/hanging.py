@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 import torch
+from torch import Tensor
 
 from hopdiff.export.anatomy import CHAINS, REQUIRED
 from hopdiff.export.skin import Skin
-from hopdiff.geometry.body_parts import rest_positions
+from hopdiff.geometry.body_parts import rest_positions, toe_of
 from hopdiff.geometry.joint_names import SIDES, named
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
@@ -18,6 +19,7 @@ from hopdiff.whole_body.skeleton import JOINTS
 
 TRUNK = ("waist", "chest", "upper_chest")
 ENDS = (("knee", "ankle"), ("ankle", "toe"), ("elbow", "wrist"))  # a part, and what may hang elsewhere
+AT = 0.02  # of the bone above a leaf up to which a joint is at its place
 NEAR = 0.35  # of the bone above it that an end may be from where a leaf marks it
 
 
@@ -43,7 +45,8 @@ def loose_parts(skeleton: Skeleton, parts: Mapping[str, int], skin: Skin | None)
             above, own = found.get(f"{side}_{upper}"), found.get(f"{side}_{lower}")
             if above is None or (own is not None and not _is_leaf(skeleton, own, skin)):
                 continue
-            others = named(skeleton.names, lower, side)
+            # Where names do not tell, what hangs elsewhere lies at the leaf.
+            others = named(skeleton.names, lower, side) or _at(places, above, own)
             if lower == "toe":
                 # Where the ankle is called so, the foot is what hangs on it.
                 others += [k for k in named(skeleton.names, "ankle", side) if above in skeleton.above(k)]
@@ -54,7 +57,19 @@ def loose_parts(skeleton: Skeleton, parts: Mapping[str, int], skin: Skin | None)
                 others = [k for distance, k in sorted(near) if distance < reach]
             if others:
                 found[f"{side}_{lower}"] = others[0]
+                toe = toe_of(skeleton, places, others[0]) if lower == "ankle" else None
+                if toe is not None and f"{side}_toe" not in found:
+                    found[f"{side}_toe"] = toe
     return found
+
+
+def _at(places: Tensor, above: int, own: int | None) -> list[int]:
+    """The joints at the place of one that hangs on another, nearest first."""
+    if own is None:
+        return []
+    gaps = (places - places[own]).norm(dim=-1)
+    reach = AT * float((places[own] - places[above]).norm())
+    return [k for k in gaps.argsort().tolist() if float(gaps[k]) < reach]
 
 
 def _is_leaf(skeleton: Skeleton, joint: int, skin: Skin | None) -> bool:
