@@ -22,10 +22,12 @@ from hopdiff.feet.reach import STRETCHED
 from hopdiff.feet.track import LegTrack, leg_tracks
 from hopdiff.feet.way import FootWay, lowering
 from hopdiff.geometry.clip import Clip
+from hopdiff.geometry.quaternion import slerp
 from hopdiff.geometry.rotation import axis_rotation, unwrap
 
 MOST_LOWERED = 0.3  # m by which a body is lowered whose legs are too short: proportions may differ
 TOUCH = 0.003  # m above the lowest point of a sole up to which others stand, too
+LEVELS = 13  # ways to hold a foot that are tried, from its own to level
 AROUND = 2.0  # s of a loop's neighbours that its contacts are seen with
 
 
@@ -130,7 +132,41 @@ def _planted(clip: Clip, soles: Sequence[Sole], contact: Tensor) -> Clip:
     root[:, 1] -= lowered
     for way in ways:
         way.pose(rotations, torch.eye(3, dtype=torch.float64), lowered)
-    return replace(clip, root_position=root, rotations=rotations)
+    posed = replace(clip, root_position=root, rotations=rotations)
+    for k, sole in enumerate(soles):
+        posed = _cleared(posed, sole, contact[:, k])
+    return posed
+
+
+def _cleared(clip: Clip, sole: Sole, stands: Tensor) -> Clip:
+    """A clip whose foot, where it is in the air and its leg is too short to fold further, is as level as it must be to
+    stay above y = 0."""
+    positions, frames = clip.forward()
+    ankle = sole.leg.ankle
+    if ankle is None:
+        return clip
+    foot, height = frames[:, ankle], positions[:, ankle, 1]
+    level = axis_rotation("Y", torch.atan2(foot[:, 0, 2] - foot[:, 2, 0], foot[:, 0, 0] + foot[:, 2, 2]))
+    shares = torch.linspace(0.0, 1.0, LEVELS, dtype=torch.float64)
+    lows = []
+    for share in shares:
+        turn = slerp(foot, level, share.expand(len(foot))) @ foot.transpose(-1, -2)
+        lows.append(height + (turn[:, None] @ sole.points(frames).unsqueeze(-1))[..., 1, 0].amin(dim=1))
+    low = torch.stack(lows)
+    # The first share at which it is clear, between two of those that were tried; all of it where none is.
+    clear = (low >= 0.0).double().argmax(dim=0)
+    clear = torch.where((low >= 0.0).any(dim=0), clear, torch.full_like(clear, LEVELS - 1))
+    before = (clear - 1).clamp_min(0)
+    at = torch.arange(len(foot))
+    under, over = low[before, at], low[clear, at]
+    part = torch.where(clear > 0, (-under / (over - under).clamp_min(1e-9)).clamp(0.0, 1.0), torch.zeros_like(over))
+    share = torch.where(stands, torch.zeros_like(part), (before.double() + part) / (LEVELS - 1))
+    if not bool((share > 0.0).any()):
+        return clip
+    rotations = clip.rotations.clone()
+    above = frames[:, clip.skeleton.parents[ankle]]
+    rotations[:, ankle] = above.transpose(-1, -2) @ slerp(foot, level, share)
+    return replace(clip, rotations=rotations)
 
 
 def _way(track: LegTrack, frames: Tensor, sole: Sole, stands: Tensor, frame_time: float) -> FootWay:
@@ -158,10 +194,20 @@ def _way(track: LegTrack, frames: Tensor, sole: Sole, stands: Tensor, frame_time
         rolled[:, [0, 2]] += (ankle[here] - rolled).mean(dim=0)[[0, 2]]
         change = change + share[:, None] * (rolled - ankle[here])[at - one.first]
     target = ankle + change
-    target[:, 1] = torch.maximum(target[:, 1], -points[..., 1].amin(dim=1))
+    floor = -points[..., 1].amin(dim=1)
+    target[:, 1] = torch.maximum(target[:, 1], floor)
     # Heels roll as the source's do: none is raised for the sake of reach before the body comes down.
     return FootWay(
-        track, track.hip, target, frame, stands, shares.sum(dim=0), torch.ones_like(turn), frame_time, STRETCHED
+        track,
+        track.hip,
+        target,
+        frame,
+        stands,
+        shares.sum(dim=0),
+        torch.ones_like(turn),
+        frame_time,
+        STRETCHED,
+        floor=floor,
     )
 
 

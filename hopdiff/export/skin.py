@@ -18,7 +18,7 @@ HELD = 0.5  # weight from which on a foot's joints hold a vertex
 DEEPEST = 0.8  # of a leg's length that a sole may be below the ankle
 STUMP = 0.12  # of a body's height from which on what is below a last joint is a shank and no foot
 NEAR_GROUND = 0.03  # of a body's height up to which a last joint's skin stands on the ground
-PITCHES = np.deg2rad(np.arange(-75.0, 76.0, 15.0))  # of the ground against a sole, tip down below 0
+PITCHES = np.deg2rad(np.arange(-135.0, 136.0, 15.0))  # of the ground against a sole, tip down below 0
 ROLLS = np.deg2rad((-20.0, 0.0, 20.0))
 
 
