@@ -36,12 +36,12 @@ OUTLINE = np.array(
 )
 # Of the face, in the height of the head: place to the side and up; how far it stands out; half width and half height.
 FACE = (
-    (0.0, 0.325, 0.095, 0.06, 0.05),  # tip of the nose
-    (0.0, 0.41, 0.058, 0.05, 0.075),  # its back
-    (0.135, 0.475, -0.036, 0.08, 0.055),  # eyes
+    (0.0, 0.335, 0.09, 0.06, 0.055),  # tip of the nose
+    (0.0, 0.42, 0.058, 0.05, 0.075),  # its back
+    (0.14, 0.475, -0.03, 0.075, 0.05),  # eyes
     (0.11, 0.575, 0.014, 0.13, 0.04),  # brow
-    (0.17, 0.36, 0.012, 0.08, 0.07),  # cheek
-    (0.0, 0.19, 0.018, 0.1, 0.045),  # lips
+    (0.16, 0.35, 0.016, 0.1, 0.08),  # cheek
+    (0.0, 0.2, 0.032, 0.11, 0.06),  # lips
     (0.0, 0.07, 0.022, 0.08, 0.04),  # chin
 )
 EAR = (0.4, -0.04, 0.13, 0.08, 0.045)  # height, ahead, half height, half depth, half thickness

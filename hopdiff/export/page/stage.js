@@ -34,7 +34,7 @@ class Stage {
     // What faces up gets all of its colour, and no more.
     this.sun = new THREE.DirectionalLight(0xffffff, 0.62);
     this.sun.castShadow = true;
-    this.sun.shadow.mapSize.setScalar(this.software ? 512 : 2048);
+    this.sun.shadow.mapSize.setScalar(this.software ? 1024 : 2048);
     this.sun.shadow.radius = 4;
     this.sun.shadow.bias = -0.0005;
     this.sun.shadow.normalBias = 0.01;
