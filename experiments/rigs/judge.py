@@ -8,34 +8,44 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from tests.export.skins import Played
 
 LOOKS = 24  # frames of a stride
 GROWN = 0.03  # m from which on an edge that has grown is looked at
-LOW, SHANK = 0.04, (0.08, 0.16)  # of the height: what touches the ground, and what is above the foot
-NEAR = 0.2  # of the height that a shank is from its foot
 
 
 @dataclass(frozen=True)
 class Seen:
     """sole: farthest that the lowest vertex is from the ground while a foot stands [m]. sunk: deepest in any frame [m].
-    stretch: largest ratio of an edge to its length as stored, of those that grew by more than 3 cm. facing: from the
-    way to where standing feet point [deg]. height: of the character [m]. shape: (V, 3) in the middle of a contact."""
+    stretch: largest ratio of an edge to its length as stored, of those that grew by more than 3 cm; grown: by how much
+    the edge did that grew most [m]. facing: from the way to where the character's front is [deg], seen from above.
+    height: of the character [m]. shape: (V, 3) in the middle of a contact."""
 
     sole: float
     sunk: float
     stretch: float
+    grown: float
     facing: float
     height: float
     shape: NDArray[np.float64]
 
 
-def seen(path: Path, name: str, times: NDArray[np.float64], contact: NDArray[np.bool_], way: Sequence[float]) -> Seen:
-    """times: (T,) of the frames [s], contact: (T, 2), way: (x, z) where it goes."""
+def seen(
+    path: Path,
+    name: str,
+    times: NDArray[np.float64],
+    contact: NDArray[np.bool_],
+    way: Sequence[float],
+    front: Sequence[float],
+) -> Seen:
+    """times: (T,) of the frames [s], contact: (T, 2), way: (x, z) where it goes. front: (x, z) where it faces as its
+    nodes stand."""
     played = Played.of(path)
     frames = np.unique(np.linspace(0, len(times) - 1, LOOKS).round().astype(int))
-    heights, stretch, soles, sunk, facing, scale, shape = [], [1.0], [0.0], [0.0], [], None, None
+    heights, stretch, most, soles, sunk, facing, scale, shape = [], [1.0], [0.0], [0.0], [0.0], [], None, None
+    rest = np.concatenate(played.shape(played.worlds(None, 0.0)))
     middles = _middles(contact)
     for frame in sorted({*frames.tolist(), *middles}):
         shapes = played.shape(played.worlds(name, float(times[frame])))
@@ -45,6 +55,7 @@ def seen(path: Path, name: str, times: NDArray[np.float64], contact: NDArray[np.
         scale = float(np.median(now[solid] / before[solid])) if scale is None else scale
         grown = solid & (now - scale * before > GROWN)
         stretch.append(float((now[grown] / (scale * before[grown])).max(initial=1.0)))
+        most.append(float((now - scale * before)[solid].max()))
         points = np.concatenate(shapes)
         lowest = float(points[:, 1].min())
         heights.append(float(np.ptp(points[:, 1])))
@@ -53,9 +64,9 @@ def seen(path: Path, name: str, times: NDArray[np.float64], contact: NDArray[np.
             soles.append(abs(lowest))
         if frame in middles:
             shape = points
-            facing.append(_facing(points, heights[-1], way))
+            facing.append(_off(rest, points, front, way))
     assert shape is not None, "a run has contacts"
-    return Seen(max(soles), max(sunk), max(stretch), float(np.median(facing)), max(heights), shape)
+    return Seen(max(soles), max(sunk), max(stretch), max(most), float(np.median(facing)), max(heights), shape)
 
 
 def _middles(contact: NDArray[np.bool_]) -> list[int]:
@@ -68,13 +79,11 @@ def _middles(contact: NDArray[np.bool_]) -> list[int]:
     return found
 
 
-def _facing(points: NDArray[np.float64], height: float, way: Sequence[float]) -> float:
-    """Between the way and the line from shank to sole of the foot that stands [deg], seen from above."""
-    ground = points[:, 1].min()
-    low = points[points[:, 1] < ground + LOW * height][:, [0, 2]].mean(axis=0)
-    above = (points[:, 1] > ground + SHANK[0] * height) & (points[:, 1] < ground + SHANK[1] * height)
-    near = np.linalg.norm(points[:, [0, 2]] - low, axis=1) < NEAR * height
-    line = low - points[above & near][:, [0, 2]].mean(axis=0)
+def _off(rest: NDArray[np.float64], now: NDArray[np.float64], front: Sequence[float], way: Sequence[float]) -> float:
+    """Between the way and the front of the body as a whole, turned as its vertices are best laid over those of the rest
+    [deg]: Kabsch, Acta Cryst. A32, 922 (1976)."""
+    turn, _ = Rotation.align_vectors(now - now.mean(axis=0), rest - rest.mean(axis=0))
+    line = turn.apply((front[0], 0.0, front[1]))[[0, 2]]
     cosine = float(line @ np.array(way)) / float(np.linalg.norm(line) * np.linalg.norm(way))
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 

@@ -35,8 +35,8 @@ AROUND = 2.0  # s of a loop's neighbours that its contacts are seen with
 class Sole:
     """Points of the sole of a leg in the rest pose, from the ankle, or from the end of the shank [m].
 
-    foot: (K, 3); the foot stands on `ball` (3,), that of the last of them on a foot without a skin. toe: (3,) of the
-    toe joint, None if the leg has none, and tips: (M, 3) from there.
+    foot: (K, 3), turned with the shank where there is no ankle. ball: (3,) where the foot stands. toe: (3,) of the toe
+    joint, None if the leg has none, and tips: (M, 3) from there.
     """
 
     leg: Leg
@@ -48,14 +48,14 @@ class Sole:
     @classmethod
     def of(cls, target: Target, leg: Leg) -> Sole:
         depth, here = target.depth(leg), torch.zeros(3, dtype=torch.float64)
+        skin = target.sole(leg)
         if leg.ankle is None:
-            return cls(leg, here.unsqueeze(0), here)
+            return cls(leg, here.unsqueeze(0) if skin is None else skin.foot, here)
 
         def on_ground(place: Tensor) -> Tensor:
             return torch.stack((place[0], place.new_tensor(-depth), place[2]))
 
         toe = None if leg.toe is None else target.places[leg.toe] - target.places[leg.ankle]
-        skin = target.sole(leg)
         if skin is not None:
             ball = toe if toe is not None else (skin.tip - 0.3 * (skin.tip + skin.heel)) * skin.ahead
             return cls(leg, skin.foot, on_ground(ball), toe, skin.toe)
@@ -70,19 +70,17 @@ class Sole:
 
     def points(self, frames: Tensor) -> Tensor:
         """(T, K, 3) from the ankle, of joints turned as (T, J, 3, 3)."""
-        if self.leg.ankle is None:
-            return torch.zeros(len(frames), 1, 3, dtype=torch.float64)
-        found = _turned(frames[:, self.leg.ankle], self.foot)
-        if self.toe is not None and self.tips is not None and self.leg.toe is not None:
-            toe = _turned(frames[:, self.leg.ankle], self.toe.unsqueeze(0))
+        ankle = self.leg.ankle
+        found = _turned(frames[:, self.leg.knee if ankle is None else ankle], self.foot)
+        if ankle is not None and self.toe is not None and self.tips is not None and self.leg.toe is not None:
+            toe = _turned(frames[:, ankle], self.toe.unsqueeze(0))
             found = torch.cat((found, toe + _turned(frames[:, self.leg.toe], self.tips)), dim=1)
         return found
 
     def standing(self, frames: Tensor) -> Tensor:
         """(T, 3) from the ankle where the foot stands."""
-        if self.leg.ankle is None:
-            return torch.zeros(len(frames), 3, dtype=torch.float64)
-        return _turned(frames[:, self.leg.ankle], self.ball.unsqueeze(0))[:, 0]
+        joint = self.leg.knee if self.leg.ankle is None else self.leg.ankle
+        return _turned(frames[:, joint], self.ball.unsqueeze(0))[:, 0]
 
 
 def _turned(frames: Tensor, points: Tensor) -> Tensor:

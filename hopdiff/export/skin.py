@@ -70,7 +70,8 @@ class Skin:
 
 @dataclass(frozen=True, eq=False)
 class SkinSole:
-    """The outermost vertices of a foot, from the ankle, and of its toes, from the toe joint, in the rest pose [m].
+    """The outermost vertices of a foot, from the ankle, and of its toes, from the toe joint, in the rest pose [m]; of a
+    leg without a foot those of the shank, from its end.
 
     foot: (K, 3), toe: (M, 3), those that are lowest in some posture of the foot. depth: how far the lowest is below the
     ankle. heel, tip: how far back and ahead of the ankle the sole goes, along `ahead` (3,), level.
@@ -99,6 +100,16 @@ def with_stumps(skeleton: Skeleton, skin: Skin | None) -> Skeleton:
         if drop > STUMP * height and float(places[joint, 1]) - drop - ground < NEAR_GROUND * height:
             ends[name] = torch.tensor((0.0, -drop, 0.0), dtype=torch.float64)
     return replace(skeleton, end_sites=ends)
+
+
+def stump_sole(skin: Skin, knee: int, end: Tensor) -> SkinSole | None:
+    """What a shank without a foot stands on. end: (3,) of the shank at rest [m]. None without a skin there."""
+    points = skin.vertices[skin.weights[:, knee] >= HELD] - end.numpy()
+    if len(points) == 0:
+        return None
+    ahead = np.array((0.0, 0.0, 1.0))
+    low, none = torch.from_numpy(_outermost(points, ahead)), torch.zeros(0, 3, dtype=torch.float64)
+    return SkinSole(low, none, max(-float(points[:, 1].min()), 0.0), torch.from_numpy(ahead), 0.0, 0.0)
 
 
 def skin_sole(

@@ -177,9 +177,10 @@ def _sole_error(places: Matrix, frames: NDArray[np.int64], take: Take, target: T
         return None
     found = []
     for k, leg in enumerate(target.legs):
-        if target.sole(leg) is None or leg.ankle is None:
+        if target.sole(leg) is None:
             continue
-        below = [j for j in range(len(target.places)) if leg.ankle in (j, *target.skeleton.above(j))]
+        foot = leg.knee if leg.ankle is None else leg.ankle
+        below = [j for j in range(len(target.places)) if foot in (j, *target.skeleton.above(j))]
         held = skin.held_by(below) >= HELD
         stands = take.contact[torch.from_numpy(frames), k].numpy()
         if held.any() and stands.any():

@@ -17,7 +17,7 @@ from torch import Tensor
 from hopdiff.editing.leg_joints import SIDES, Leg
 from hopdiff.export.anatomy import CHAINS, REQUIRED, SCHEMES, parts_of
 from hopdiff.export.mapping import MappingReport, few
-from hopdiff.export.skin import Skin, SkinSole, skin_sole
+from hopdiff.export.skin import Skin, SkinSole, skin_sole, stump_sole
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.bvh import BvhFile
@@ -85,10 +85,10 @@ class Target:
 
     def depth(self, leg: Leg) -> float:
         """How far the sole is below the ankle in the rest pose, or below the end of the shank [m]."""
-        if leg.ankle is None:
-            return 0.0
         if (sole := self.sole(leg)) is not None:
             return sole.depth
+        if leg.ankle is None:
+            return 0.0
         below = [k for k in range(len(self.places)) if k == leg.ankle or leg.ankle in self.skeleton.above(k)]
         heights = [float(self.places[k, 1]) for k in below]
         heights += [float(self.places[k, 1] + end[1]) for k in below if (end := self.end_of(k)) is not None]
@@ -105,9 +105,13 @@ class Target:
     def _soles(self) -> dict[str, SkinSole]:
         found: dict[str, SkinSole] = {}
         for leg in self.legs:
-            if self.skin is not None and leg.ankle is not None:
+            if self.skin is None:
+                continue
+            if leg.ankle is None:
+                sole = stump_sole(self.skin, leg.knee, self.places[leg.knee] + self.shank(leg))
+            else:
                 sole = skin_sole(self.skin, self.skeleton, self.places, leg.ankle, leg.toe, self.bones(leg))
-                found |= {} if sole is None else {leg.side: sole}
+            found |= {} if sole is None else {leg.side: sole}
         return found if len(found) == len(SIDES) else {}
 
     def upright(self) -> float:

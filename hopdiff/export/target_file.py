@@ -21,6 +21,7 @@ from hopdiff.io.glb_rest import rest_poses
 from hopdiff.types import HopdiffError
 
 STRAIGHT = 0.99  # cosine from which on a pose in which a mesh was made is taken without looking at others
+LOPSIDED = 0.25  # of its length by which a foot goes further ahead of its joint than back
 BACKWARDS = -0.3  # cosine of feet and body up to which feet point back
 
 
@@ -105,7 +106,9 @@ def _with_sides(target: Target) -> Target:
     cosines = []
     for leg in target.legs:
         sole = target.sole(leg)
-        line = None if sole is None else sole.ahead * (sole.tip - sole.heel)
+        # A foot whose joint is in its middle tells nothing.
+        uneven = sole is not None and sole.tip - sole.heel > LOPSIDED * (sole.tip + sole.heel)
+        line = sole.ahead if sole is not None and uneven else None
         if leg.toe is not None and leg.ankle is not None:
             line = (target.places[leg.toe] - target.places[leg.ankle]) * ahead.new_tensor((1.0, 0.0, 1.0))
         if line is None or float(line.norm()) < 1e-6:

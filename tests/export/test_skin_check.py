@@ -122,8 +122,8 @@ def test_meshes_that_cannot_be_read_are_told(
     target = read_target(tmp_path / "hero.glb")
     assert target.skin is None
     assert target.notes == (
-        f"hero.glb: the mesh of Body cannot be read ({why}): soles are where joints say, and how the skin follows was not"
-        " looked at.",
+        f"hero.glb: the mesh of Body cannot be read ({why}): soles are where joints say, and how the skin follows was"
+        " not looked at.",
     )
     take = retargeted(own(), target)
     assert write_retargeted(tmp_path / "out.glb", [take], target) == []
