@@ -22,6 +22,8 @@ EXTRAS = {
     "parallel": Extra("hydra-joblib-launcher", "hydra/launcher=joblib: sweeps on all cores"),
     "ray": Extra("hydra-ray-launcher", "hydra/launcher=ray (or ray_cluster): sweeps on Ray, here or on a cluster"),
     "slurm": Extra("hydra-submitit-launcher", "hydra/launcher=slurm: sweeps on a Slurm cluster"),
+    "draco": Extra("DracoPy", "retarget.skeleton: the skin of characters compressed by Draco"),
+    "meshopt": Extra("meshoptimizer", "retarget.skeleton: the skin of characters compressed by meshopt"),
     "usd": Extra("usd-core", "export=[usd]: motions as Universal Scene Description"),
 }
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from tests.export.skins import Played
 
 LOOKS = 24  # frames of a stride
+TRUNK = 0.08  # of the height that trunk and head are wide on either side, at least
 GROWN = 0.03  # m from which on an edge that has grown is looked at
 
 
@@ -80,9 +81,12 @@ def _middles(contact: NDArray[np.bool_]) -> list[int]:
 
 
 def _off(rest: NDArray[np.float64], now: NDArray[np.float64], front: Sequence[float], way: Sequence[float]) -> float:
-    """Between the way and the front of the body as a whole, turned as its vertices are best laid over those of the rest
+    """Between the way and the front of trunk and head, turned as their vertices are best laid over those of the rest
     [deg]: Kabsch, Acta Cryst. A32, 922 (1976)."""
-    turn, _ = Rotation.align_vectors(now - now.mean(axis=0), rest - rest.mean(axis=0))
+    height = float(np.ptp(rest[:, 1]))
+    middle = np.abs(rest[:, 0] - np.median(rest[:, 0])) < TRUNK * height
+    trunk = middle & (rest[:, 1] > rest[:, 1].min() + 0.5 * height)
+    turn, _ = Rotation.align_vectors(now[trunk] - now[trunk].mean(axis=0), rest[trunk] - rest[trunk].mean(axis=0))
     line = turn.apply((front[0], 0.0, front[1]))[[0, 2]]
     cosine = float(line @ np.array(way)) / float(np.linalg.norm(line) * np.linalg.norm(way))
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))

@@ -119,6 +119,14 @@ def planted(clip: Clip, soles: Sequence[Sole], contact: Tensor, loop: bool) -> C
 
 
 def _planted(clip: Clip, soles: Sequence[Sole], contact: Tensor) -> Clip:
+    # What is below a shank without a foot turns with it as the leg is posed: once more from there.
+    stumps = any(sole.leg.ankle is None and len(sole.foot) > 1 for sole in soles)
+    for _ in range(2 if stumps else 1):
+        clip = _planted_once(clip, soles, contact)
+    return clip
+
+
+def _planted_once(clip: Clip, soles: Sequence[Sole], contact: Tensor) -> Clip:
     tracks = leg_tracks(clip, [sole.leg for sole in soles])
     frames = clip.forward()[1]
     ways = [

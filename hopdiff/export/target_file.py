@@ -14,14 +14,17 @@ from hopdiff.export.humanoid import parts_in
 from hopdiff.export.mapping import few
 from hopdiff.export.skin import Skin, with_stumps
 from hopdiff.export.target import Target, named_parts, target_of
+from hopdiff.extras import install
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.glb_file import GlbFile, read_glb
 from hopdiff.io.glb_mesh import skinned_meshes
 from hopdiff.io.glb_rest import rest_poses
+from hopdiff.io.glb_unpack import DRACO, MESHOPT
 from hopdiff.types import HopdiffError
 
 STRAIGHT = 0.99  # cosine from which on a pose in which a mesh was made is taken without looking at others
 LOPSIDED = 0.25  # of its length by which a foot goes further ahead of its joint than back
+UNPACKERS = {DRACO: "draco", **dict.fromkeys(MESHOPT, "meshopt")}  # extension of glTF -> extra
 BACKWARDS = -0.3  # cosine of feet and body up to which feet point back
 
 
@@ -49,7 +52,8 @@ def _in_rest_pose(path: str, names: str, file: GlbFile) -> Target:
     meshes = skinned_meshes(file)
     notes = []
     if meshes.unread:
-        why = f" ({', '.join(meshes.why)})" if meshes.why else ""
+        lacking = sorted({UNPACKERS[name] for name in meshes.why})
+        why = f" ({', '.join(meshes.why)}: {' and '.join(map(install, lacking))} reads it)" if lacking else ""
         notes.append(
             f"{Path(path).name}: the mesh of {few(meshes.unread)} cannot be read{why}: soles are where joints say, and"
             " how the skin follows was not looked at."

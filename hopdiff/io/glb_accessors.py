@@ -13,9 +13,10 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdiff.io.glb_unpack import MESHOPT, unpacked_view
+
 KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-COMPRESSED = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 MOST = 50_000_000  # numbers of one accessor that are read
 
 
@@ -30,6 +31,7 @@ class Accessors:
         self.binary = binary
         self.compressed: set[str] = set()
         self._buffers: dict[int, bytes | None] = {}
+        self._unpacked: dict[int, bytes | None] = {}
 
     def values(self, index: Any) -> NDArray[np.float64] | None:
         """(count, width) numbers, those of normalised integers between -1 and 1; None where they cannot be had."""
@@ -49,10 +51,26 @@ class Accessors:
             found = self._replaced(found, accessor["sparse"], kind, width)
         if found is None:
             return None
-        numbers: NDArray[np.float64] = found.astype(np.float64)
-        if accessor.get("normalized") and found.dtype.kind in "iu":
-            numbers = np.maximum(numbers / np.iinfo(found.dtype).max, -1.0)
-        return numbers if bool(np.isfinite(numbers).all()) else None
+        return self.scaled(index, found.astype(np.float64))
+
+    def scaled(self, index: Any, stored: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+        """Numbers as they are meant of those that are stored for an accessor."""
+        accessor = _entry(self.content, "accessors", index)
+        if stored is None or accessor is None or not bool(np.isfinite(stored).all()):
+            return None
+        kind = KINDS.get(accessor.get("componentType", 0), "<f4")
+        if accessor.get("normalized") and np.dtype(kind).kind in "iu":
+            return np.maximum(stored / np.iinfo(kind).max, -1.0)
+        return stored
+
+    def bytes_of(self, index: Any) -> bytes | None:
+        """Of a whole buffer view."""
+        data, start = self.view(index)
+        entry = _entry(self.content, "bufferViews", index)
+        size = None if entry is None else entry.get("byteLength")
+        if data is None or not _is_size(start) or not _is_size(size) or start + size > len(data):
+            return None
+        return data[start : start + size]
 
     def _replaced(self, found: NDArray[Any], sparse: Any, kind: str, width: int) -> NDArray[Any] | None:
         """Rows with those of a sparse accessor in their places."""
@@ -77,12 +95,8 @@ class Accessors:
         view = _entry(self.content, "bufferViews", index)
         if view is None or not _is_size(offset):
             return None
-        for name in COMPRESSED:
-            if name in (view.get("extensions") or {}):
-                self.compressed.add(name)
-                return None
-        data = self._buffer(view.get("buffer"))
-        start, size = view.get("byteOffset", 0), view.get("byteLength")
+        data, start = self.view(index)
+        size = view.get("byteLength")
         one = np.dtype(kind).itemsize * width
         stride = view.get("byteStride", one)
         if data is None or not all(_is_size(number) for number in (start, size, stride)) or stride < one:
@@ -95,6 +109,23 @@ class Accessors:
             return None
         strides = (stride, np.dtype(kind).itemsize)
         return np.ndarray((count, width), np.dtype(kind), data, start, strides)
+
+    def view(self, index: Any) -> tuple[bytes | None, Any]:
+        """The bytes that hold a buffer view, unpacked if they are compressed, and where it begins in them."""
+        entry = _entry(self.content, "bufferViews", index)
+        if entry is None:
+            return None, 0
+        marks = entry.get("extensions")
+        for name in MESHOPT:
+            packed = marks.get(name) if isinstance(marks, dict) else None
+            if isinstance(packed, dict):
+                if index not in self._unpacked:
+                    data = self._buffer(packed.get("buffer"))
+                    self._unpacked[index] = None if data is None else unpacked_view(packed, data)
+                if self._unpacked[index] is None:
+                    self.compressed.add(name)
+                return self._unpacked[index], 0
+        return self._buffer(entry.get("buffer")), entry.get("byteOffset", 0)
 
     def _buffer(self, index: Any) -> bytes | None:
         entry = _entry(self.content, "buffers", index)

@@ -5,6 +5,7 @@ Khronos Group, glTF 2.0 specification (2021), section 3.7.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from hopdiff.io.glb_accessors import Accessors
 from hopdiff.io.glb_parse import BIN, GlbSkin, Matrix, ParsedGlb
+from hopdiff.io.glb_unpack import DRACO, unpacked_mesh
 
 TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of glTF's primitives
 LEAST = 1e-4  # weight below which a joint does not hold a vertex
@@ -49,7 +51,7 @@ def skinned_meshes(file: ParsedGlb) -> Meshes:
     content = file.content
     accessors = Accessors(content, file.chunks[0][1] if file.chunks and file.chunks[0][0] == BIN else None)
     skins = {skin.number: skin for skin in file.skins}
-    found, unread, why, aside = [], list[str](), set[str](), list[str]()
+    found, unread, aside = [], list[str](), list[str]()
     carried = _below(content, set(file.nodes))
     for at, node in enumerate(content["nodes"]):
         if "mesh" not in node:
@@ -62,12 +64,11 @@ def skinned_meshes(file: ParsedGlb) -> Meshes:
             continue
         for primitive in _primitives(content, node["mesh"]):
             mesh = _mesh(name, primitive, skin, accessors, len(file.nodes))
-            why |= {key for key in primitive.get("extensions") or {} if "compression" in key} if mesh is None else set()
             if mesh is not None:
                 found.append(mesh)
             elif name not in unread:
                 unread.append(name)
-    return Meshes(tuple(found), tuple(unread), tuple(sorted(why | accessors.compressed)), tuple(aside))
+    return Meshes(tuple(found), tuple(unread), tuple(sorted(accessors.compressed)), tuple(aside))
 
 
 def _primitives(content: dict[str, Any], index: Any) -> list[dict[str, Any]]:
@@ -83,18 +84,20 @@ def _primitives(content: dict[str, Any], index: Any) -> list[dict[str, Any]]:
 def _mesh(name: str, primitive: dict[str, Any], skin: GlbSkin, accessors: Accessors, count: int) -> SkinnedMesh | None:
     """One primitive, None if it cannot be read or tells nothing. count: of the skeleton's joints."""
     attributes = primitive.get("attributes")
-    if not isinstance(attributes, dict) or skin.inverse is None:
+    if not isinstance(attributes, dict):
         return None
-    if any("draco" in extension.lower() for extension in primitive.get("extensions") or {}):
+    read = _attributes(primitive, attributes, accessors)
+    if read is None:
         return None
-    vertices = accessors.values(attributes.get("POSITION"))
-    if vertices is None or vertices.shape[1] != 3 or len(vertices) == 0:
+    values, faces = read
+    vertices = values("POSITION")
+    if vertices is None or vertices.shape[1] != 3 or len(vertices) == 0 or skin.inverse is None:
         return None
     joints, weights = [], []
     for number in range(MOST_WEIGHTS // 4):
         if f"JOINTS_{number}" not in attributes:
             break
-        own, heavy = (accessors.values(attributes.get(f"{kind}_{number}")) for kind in ("JOINTS", "WEIGHTS"))
+        own, heavy = (values(f"{kind}_{number}") for kind in ("JOINTS", "WEIGHTS"))
         if own is None or heavy is None or own.shape != (len(vertices), 4) or heavy.shape != own.shape:
             return None
         joints.append(own)
@@ -112,15 +115,35 @@ def _mesh(name: str, primitive: dict[str, Any], skin: GlbSkin, accessors: Access
     heavy = heavy / np.where(total > 0.0, total, 1.0)
     inverse = np.zeros((count, 4, 4))
     inverse[list(skin.joints)] = skin.inverse
-    edges = _edges(primitive, accessors, len(vertices))
-    if edges is None:
+    if faces is None:
+        faces = _faces(primitive, accessors, len(vertices))
+    if faces is None:
         return None
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    edges = np.unique(np.sort(pairs, axis=1), axis=0)
     edges = edges[held[edges].all(axis=1)]
     return SkinnedMesh(name, vertices, np.array(skin.joints)[which], heavy, inverse, edges)
 
 
-def _edges(primitive: dict[str, Any], accessors: Accessors, count: int) -> NDArray[np.int64] | None:
-    """(E, 2) of a primitive's triangles, each once."""
+def _attributes(
+    primitive: dict[str, Any], attributes: dict[str, Any], accessors: Accessors
+) -> tuple[Callable[[str], Matrix | None], NDArray[np.int64] | None] | None:
+    """What gives a primitive's attributes (V, width) by name, and its faces (F, 3) where these are packed with them.
+    None where they cannot be unpacked."""
+    marks = primitive.get("extensions")
+    packed = marks.get(DRACO) if isinstance(marks, dict) else None
+    if not isinstance(packed, dict):
+        return lambda name: accessors.values(attributes.get(name)), None
+    mesh = unpacked_mesh(packed, accessors.bytes_of(packed.get("bufferView")))
+    if mesh is None:
+        accessors.compressed.add(DRACO)
+        return None
+    found, faces = mesh
+    return lambda name: accessors.scaled(attributes.get(name), found.get(name)), faces
+
+
+def _faces(primitive: dict[str, Any], accessors: Accessors, count: int) -> NDArray[np.int64] | None:
+    """(F, 3) of a primitive."""
     if "indices" in primitive:
         values = accessors.values(primitive["indices"])
         if values is None or values.shape[1] != 1 or (len(values) and values.max() >= count):
@@ -135,8 +158,7 @@ def _edges(primitive: dict[str, Any], accessors: Accessors, count: int) -> NDArr
             faces = np.stack([np.full(max(len(line) - 2, 0), line[:1].sum()), line[1:-1], line[2:]], axis=1)
         case _:
             faces = line[: len(line) // 3 * 3].reshape(-1, 3)
-    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return np.unique(np.sort(pairs, axis=1), axis=0)
+    return faces
 
 
 def _below(content: dict[str, Any], nodes: set[int]) -> set[int]:

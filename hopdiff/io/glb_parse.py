@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdiff.io.glb_accessors import COMPRESSED, Accessors
+from hopdiff.io.glb_accessors import Accessors
+from hopdiff.io.glb_unpack import MESHOPT
 from hopdiff.types import HopdiffError
 
 Matrix = NDArray[np.float64]
@@ -156,7 +157,7 @@ class _Reader:
             size = self.index(buffer.get("byteLength"), 2**32, f"the length of buffer {k},")
             if uri is None:
                 marks = buffer.get("extensions") or {}
-                if isinstance(marks, dict) and any((marks.get(name) or {}).get("fallback") for name in COMPRESSED):
+                if isinstance(marks, dict) and any((marks.get(name) or {}).get("fallback") for name in MESHOPT):
                     continue  # readers that can unpack the other buffer do not need it
                 own = len(chunks[0][1]) if k == 0 and chunks and chunks[0][0] == BIN else -1
                 if size > own:

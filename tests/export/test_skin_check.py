@@ -14,6 +14,7 @@ import torch
 
 from hopdiff.export.retarget import read_target, retargeted, write_retargeted
 from hopdiff.export.skin_check import check_skin
+from hopdiff.extras import install
 from hopdiff.io.glb_file import GlbFile
 from hopdiff.types import HopdiffError
 from tests.export.rigs import glb
@@ -113,17 +114,18 @@ def meshopt(content: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "why"), [(draco, "KHR_draco_mesh_compression"), (meshopt, "EXT_meshopt_compression")]
+    ("change", "why", "extra"),
+    [(draco, "KHR_draco_mesh_compression", "draco"), (meshopt, "EXT_meshopt_compression", "meshopt")],
 )
 def test_meshes_that_cannot_be_read_are_told(
-    tmp_path: Path, change: Callable[[dict[str, Any]], object], why: str
+    tmp_path: Path, change: Callable[[dict[str, Any]], object], why: str, extra: str
 ) -> None:
     (tmp_path / "hero.glb").write_bytes(edited(stand_in("mixamo"), change))
     target = read_target(tmp_path / "hero.glb")
     assert target.skin is None
     assert target.notes == (
-        f"hero.glb: the mesh of Body cannot be read ({why}): soles are where joints say, and how the skin follows was"
-        " not looked at.",
+        f"hero.glb: the mesh of Body cannot be read ({why}: {install(extra)} reads it): soles are where joints say, and"
+        " how the skin follows was not looked at.",
     )
     take = retargeted(own(), target)
     assert write_retargeted(tmp_path / "out.glb", [take], target) == []
