@@ -62,14 +62,14 @@ def test_help_is_a_page(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     for group, choices in {
         "model": "body, smooth, thesis",
         "search": "cmaes, ga, gradient, hybrid, ordinary, random",
-        "export": "blendspace, bvh_blender, bvh_unity, bvh_unreal, csv, events, fbx, glb, glb_mixamo, glb_unreal, html,"
-        " npz",
+        "export": "apng, blendspace, bvh_blender, bvh_unity, bvh_unreal, csv, events, fbx, frames, glb, glb_mixamo,"
+        " glb_unreal, html, npz, sprites, usd, vrma",
         "task": "blendspace, body, compare, edit, export, hopper, navigate, path, replay, run",
     }.items():
         assert f"{group}: {choices}" in out
     # Hydra puts all choices of a group on one line.
     assert max(len(line) for line in out.splitlines() if not line.startswith("experiment/")) <= 120
-    assert len(out.splitlines()) <= 68
+    assert len(out.splitlines()) <= 70
     assert "Powered by Hydra" not in out
     assert "$" not in out
 
