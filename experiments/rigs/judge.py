@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from tests.export.skins import Played
 
 LOOKS = 24  # frames of a stride
-TRUNK = 0.08  # of the height that trunk and head are wide on either side, at least
+TRUNK = 0.15  # of the height that trunk and head are wide on either side, at least
 GROWN = 0.03  # m from which on an edge that has grown is looked at
 
 
