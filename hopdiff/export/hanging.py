@@ -75,7 +75,7 @@ def _at(places: Tensor, above: int, own: int | None) -> list[int]:
 def _is_leaf(skeleton: Skeleton, joint: int, skin: Skin | None) -> bool:
     """Whether a joint holds no skin, and nothing that hangs on it does."""
     below = [k for k in range(len(skeleton.names)) if joint in (k, *skeleton.above(k))]
-    return len(below) == 1 if skin is None else not skin.held_by(below).any()
+    return len(below) == 1 if skin is None else not any(skin.everything(k) > 0.0 for k in below)
 
 
 def rehung(name: str, skeleton: Skeleton, parts: Mapping[str, int], skin: Skin | None) -> Skeleton:
@@ -110,7 +110,7 @@ def rehung(name: str, skeleton: Skeleton, parts: Mapping[str, int], skin: Skin |
             top = next((k for k in line if parents[k] in above(pelvis)), None)
             if joint in body or joint in above(pelvis) or top is None or skin.everything(joint) == 0.0:
                 continue
-            shares = skin.shared(joint)
+            shares = skin.shared(joint, len(parents))
             best = max(body, key=lambda k: (float(shares[k]), -float((places[k] - places[joint]).norm())))
             parents[top] = best
             body |= {k for k in range(len(parents)) if top in (k, *above(k))}

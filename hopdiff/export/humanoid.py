@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import pairwise
 
 from hopdiff.export.anatomy import CHAINS, REQUIRED, parts_of
 from hopdiff.geometry.joint_names import SIDES
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.glb_file import GlbFile
-from hopdiff.io.glb_humanoid import skin_joints, vrm_bones
+from hopdiff.io.glb_humanoid import vrm_bones
 
 # Part -> bone. VRM Consortium, VRMC_vrm 1.0 (2022), humanoid.
 BONES: Mapping[str, str] = {
@@ -36,11 +36,11 @@ BONES: Mapping[str, str] = {
 }
 
 
-def parts_in(file: GlbFile, skeleton: Skeleton) -> tuple[dict[str, int], str]:
+def parts_in(file: GlbFile, skeleton: Skeleton, skin: Collection[int]) -> tuple[dict[str, int], str]:
     """Part of the body -> joint, as the file's VRM map says, or as `parts_of` finds them where there is none that makes
     sense; and why the map does not count, or "".
 
-    skeleton: the file's.
+    skeleton: the file's. skin: joints that carry the skin, as far as that is known.
     """
     bones, wrong = vrm_bones(file)
     parts = {part: bones[bone] for part, bone in BONES.items() if bone in bones}
@@ -48,7 +48,7 @@ def parts_in(file: GlbFile, skeleton: Skeleton) -> tuple[dict[str, int], str]:
         wrong = _wrong(skeleton, parts)
     if bones and not wrong:
         return parts, ""
-    return parts_of(skeleton, skin_joints(file)), wrong and f"{wrong}, so that names and shape count"
+    return parts_of(skeleton, skin), wrong and f"{wrong}, so that names and shape count"
 
 
 def _wrong(skeleton: Skeleton, parts: Mapping[str, int]) -> str:

@@ -53,7 +53,7 @@ def _standing(events: list[ContactEvent], foot: str, times: Tensor, duration: fl
     if not own:
         return torch.zeros(len(times), dtype=torch.bool)
     changes = torch.tensor([event.time for event in own], dtype=torch.float64)
-    last = torch.searchsorted(changes, times % duration + SAME * duration, right=True) - 1
+    last = torch.searchsorted(changes, (times + SAME * duration) % duration, right=True) - 1
     return torch.tensor([event.down for event in own])[last]
 
 

@@ -149,7 +149,7 @@ def _cleared(clip: Clip, sole: Sole, stands: Tensor) -> Clip:
     stay above y = 0."""
     positions, frames = clip.forward()
     ankle = sole.leg.ankle
-    if ankle is None:
+    if ankle is None or not bool(stands.any()):
         return clip
     foot, height = frames[:, ankle], positions[:, ankle, 1]
     level = axis_rotation("Y", torch.atan2(foot[:, 0, 2] - foot[:, 2, 0], foot[:, 0, 0] + foot[:, 2, 2]))

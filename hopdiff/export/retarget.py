@@ -41,7 +41,7 @@ __all__ = ["Target", "read_target", "retargeted", "target_of", "transferred", "w
 FLAT = 1e-3  # m: shorter bones have no direction
 # Numbers of a run that hold on another body: as they are, and in the ratio of the legs.
 TIMES = (
-    *("beta", "contact_time", "flight_time", "flight_share", "step_frequency", "stride_time", "duty_factor"),
+    *("beta", "turn", "contact_time", "flight_time", "flight_share", "step_frequency", "stride_time", "duty_factor"),
     *("search", "model", "seed", "frames", "frame_time"),
 )
 LENGTHS = ("speed", "step_length", "step_width", "com_oscillation", "com_side_range")

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from hopdiff.export.skinning import skinned
 from hopdiff.geometry.body_parts import rest_positions
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.glb_mesh import SkinnedMesh
 
 FEW = 8  # vertices of a foot below which they tell no sole
+CARRIED = 0.05  # weight on any vertex above which a joint carries the skin
 HELD = 0.5  # weight from which on a foot's joints hold a vertex
 DEEPEST = 0.8  # of a leg's length that a sole may be below the ankle
 STUMP = 0.12  # of a body's height from which on what is below a last joint is a shank and no foot
@@ -24,48 +28,67 @@ ROLLS = np.deg2rad((-20.0, 0.0, 20.0))
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """vertices: (V, 3) at rest in the world [m]. weights: (V, J), of which each row adds up to 1. edges: (E, 2)."""
+    """vertices: (V, 3) at rest in the world [m]. joints: (V, K) that hold each of them, by weights (V, K) that add up
+    to 1. edges: (E, 2)."""
 
     vertices: NDArray[np.float64]
+    joints: NDArray[np.int64]
     weights: NDArray[np.float64]
     edges: NDArray[np.int64]
 
     @classmethod
-    def of(cls, meshes: tuple[SkinnedMesh, ...], matrices: NDArray[np.float64]) -> Skin | None:
+    def of(cls, meshes: Sequence[SkinnedMesh], matrices: NDArray[np.float64]) -> Skin | None:
         """matrices: (J, 4, 4) of the joints at rest in the world. None without a vertex."""
-        vertices, weights, edges, count = [], [], [], 0
-        for mesh in meshes:
-            moved = matrices @ mesh.inverse
-            own = np.zeros((len(mesh.vertices), len(matrices)))
-            np.add.at(own, (np.arange(len(own))[:, None], mesh.joints), mesh.weights)
-            blend = (own @ moved[:, :3].reshape(-1, 12)).reshape(-1, 3, 4)
-            vertices.append((blend[:, :, :3] @ mesh.vertices[..., None])[..., 0] + blend[:, :, 3])
-            weights.append(own)
-            edges.append(mesh.edges + count)
-            count += len(own)
-        if not count:
+        if not meshes:
             return None
-        held = np.concatenate(weights)
-        return cls(np.concatenate(vertices), held, np.concatenate(edges))
+        places = [skinned(one.vertices, one.joints, one.weights, (matrices @ one.inverse)[None])[0] for one in meshes]
+        wide = max(one.joints.shape[1] for one in meshes)
+        firsts = np.cumsum([0, *(len(one.vertices) for one in meshes)])
+        joints, weights = (
+            np.concatenate([np.pad(part, ((0, 0), (0, wide - part.shape[1]))) for part in parts])
+            for parts in ([one.joints for one in meshes], [one.weights for one in meshes])
+        )
+        edges = np.concatenate([one.edges + first for one, first in zip(meshes, firsts, strict=False)])
+        return cls(np.concatenate(places), joints, weights, edges)
 
-    def held_by(self, joints: list[int]) -> NDArray[np.float64]:
-        """(V,) the weight that joints have on every vertex."""
-        found: NDArray[np.float64] = self.weights[:, joints].sum(axis=1)
+    @cached_property
+    def holder(self) -> NDArray[np.int64]:
+        """(V,) the joint that holds each vertex most."""
+        found: NDArray[np.int64] = self.joints[np.arange(len(self.joints)), self.weights.argmax(axis=1)]
         return found
 
-    def shared(self, joint: int) -> NDArray[np.float64]:
-        """(J,) how much of what a joint holds others hold, too, or lies on the same edges."""
-        own = self.weights[:, joint]
-        across = np.zeros_like(own)
-        for one, other in ((0, 1), (1, 0)):
-            np.maximum.at(across, self.edges[:, one], own[self.edges[:, other]])
-        found: NDArray[np.float64] = np.maximum(own, across) @ self.weights
-        found[joint] = 0.0
-        return found
+    @cached_property
+    def _load(self) -> NDArray[np.float64]:
+        """Of how many vertices' worth each joint holds the skin, up to the last that holds any."""
+        return np.bincount(self.joints.ravel(), self.weights.ravel()).astype(np.float64)
 
     def everything(self, joint: int) -> float:
         """Of how many vertices' worth a joint holds the skin."""
-        return float(self.weights[:, joint].sum())
+        return float(self._load[joint]) if joint < len(self._load) else 0.0
+
+    def carriers(self) -> frozenset[int]:
+        """The joints that hold more of some vertex than blending brings about."""
+        return frozenset(np.unique(self.joints[self.weights > CARRIED]).tolist())
+
+    def held_by(self, joints: Sequence[int]) -> NDArray[np.float64]:
+        """(V,) the weight that joints have on every vertex."""
+        found: NDArray[np.float64] = (self.weights * np.isin(self.joints, joints)).sum(axis=1)
+        return found
+
+    def shared(self, joint: int, count: int) -> NDArray[np.float64]:
+        """(count,) how much of what a joint holds others of so many hold, too, or lies on the same edges."""
+        own = self.held_by([joint])
+        across = np.zeros_like(own)
+        for one, other in ((0, 1), (1, 0)):
+            np.maximum.at(across, self.edges[:, one], own[self.edges[:, other]])
+        each = np.maximum(own, across)[:, None] * self.weights
+        found: NDArray[np.float64] = np.bincount(self.joints.ravel(), each.ravel(), count).astype(np.float64)
+        found[joint] = 0.0
+        return found
+
+    def reordered(self, order: Sequence[int]) -> Skin:
+        """The same of joints in another order. order: (J) their old numbers."""
+        return replace(self, joints=np.argsort(order)[self.joints])
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +116,7 @@ def with_stumps(skeleton: Skeleton, skin: Skin | None) -> Skeleton:
     ground, height = float(skin.vertices[:, 1].min()), float(np.ptp(skin.vertices[:, 1]))
     ends = dict(skeleton.end_sites)
     for joint, name in enumerate(skeleton.names):
-        held = skin.weights[:, joint] >= HELD
+        held = skin.held_by([joint]) >= HELD
         if name in ends or skeleton.children(joint) or not held.any():
             continue
         drop = float(places[joint, 1]) - float(skin.vertices[held, 1].min())
@@ -104,7 +127,7 @@ def with_stumps(skeleton: Skeleton, skin: Skin | None) -> Skeleton:
 
 def stump_sole(skin: Skin, knee: int, end: Tensor) -> SkinSole | None:
     """What a shank without a foot stands on. end: (3,) of the shank at rest [m]. None without a skin there."""
-    points = skin.vertices[skin.weights[:, knee] >= HELD] - end.numpy()
+    points = skin.vertices[skin.held_by([knee]) >= HELD] - end.numpy()
     if len(points) == 0:
         return None
     ahead = np.array((0.0, 0.0, 1.0))

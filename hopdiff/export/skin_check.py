@@ -6,7 +6,7 @@ Nodes, animation and skins are read from the bytes, as a program that plays the 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -55,8 +55,8 @@ class SkinCheck:
         return bool(self.behind) or (self.stretch > TORN and self.grown > GROWN * self.leg)
 
     def sentence(self) -> str:
-        """How the skin follows, for people."""
-        text = f"no edge of the skin longer than {self.stretch:.1f} x its length at rest"
+        """How the skin follows, for people; edges that grow too little to be seen aside."""
+        text = f"edges at most {self.stretch:.1f} x as long as at rest"
         return text if self.sole is None else f"{text}, soles within {100 * self.sole:.1f} cm of the ground"
 
     def warnings(self, name: str) -> list[str]:
@@ -83,6 +83,19 @@ class SkinCheck:
         }
 
 
+def worst_of(checks: Sequence[SkinCheck]) -> SkinCheck | None:
+    """Several as one: the worst edge, the worst sole, and all that is left behind."""
+    if not checks:
+        return None
+    soles = [check.sole for check in checks if check.sole is not None]
+    return replace(
+        max(checks, key=lambda check: check.stretch),
+        sole=max(soles, default=None),
+        behind=tuple(dict.fromkeys(joint for check in checks for joint in check.behind)),
+        frames=sum(check.frames for check in checks),
+    )
+
+
 def check_skin(data: bytes, takes: Sequence[Take], target: Target) -> list[SkinCheck]:
     """The skin in a written file at some frames of its last animations, one for each take; none where the file has no
     skin that can be read. target: the body that the takes were put on."""
@@ -106,7 +119,7 @@ def _check(
     places: Matrix, pelvis: Matrix, frames: NDArray[np.int64], take: Take, target: Target, skin: Skin
 ) -> SkinCheck:
     """places: (T, V, 3) of the vertices at some frames, pelvis: (T, 3) of that joint."""
-    edges, most = skin.edges, skin.weights.argmax(axis=1)
+    edges, most = skin.edges, skin.holder
     names, leg = target.skeleton.names, target.standing()
     before = np.linalg.norm(skin.vertices[edges[:, 0]] - skin.vertices[edges[:, 1]], axis=1)
     after = np.linalg.norm(places[:, edges[:, 0]] - places[:, edges[:, 1]], axis=2).max(axis=0)

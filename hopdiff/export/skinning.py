@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from hopdiff.geometry.clip import Clip
 
@@ -49,8 +50,9 @@ def skinned_normals(normals: Floats, joints: NDArray[np.int64], weights: Floats,
 
 def _blended(values: Floats, last: float, joints: NDArray[np.int64], weights: Floats, matrices: Floats) -> Floats:
     """Homogeneous vectors, whose last entry is given, moved by the weighted means of matrices."""
-    shares = np.zeros((len(values), matrices.shape[1]))
-    np.add.at(shares, (np.arange(len(values))[:, None], joints), weights)
+    count, wide = joints.shape
+    rows = np.arange(0, count * wide + 1, wide)
+    shares = csr_array((weights.ravel(), joints.ravel(), rows), shape=(count, matrices.shape[1]))
     whole = np.concatenate((values, np.full((len(values), 1), last)), axis=-1)
     found = np.empty((len(matrices), len(values), 3))
     for frame, one in enumerate(matrices):

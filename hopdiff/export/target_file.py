@@ -17,6 +17,7 @@ from hopdiff.export.target import Target, named_parts, target_of
 from hopdiff.extras import install
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.glb_file import GlbFile, read_glb
+from hopdiff.io.glb_humanoid import vrm_bones
 from hopdiff.io.glb_mesh import skinned_meshes
 from hopdiff.io.glb_rest import rest_poses
 from hopdiff.io.glb_unpack import DRACO, MESHOPT
@@ -59,7 +60,7 @@ def _in_rest_pose(path: str, names: str, file: GlbFile) -> Target:
             " how the skin follows was not looked at."
         )
     if meshes.aside:
-        notes.append(f"{Path(path).name}: {few(meshes.aside)} hang elsewhere than on the skeleton, and are not moved.")
+        notes.append(f"{Path(path).name}: not on the skeleton, so that it does not move: {few(meshes.aside)}.")
     found: list[Target] = []
     failed: HopdiffError | None = None
     for matrices in rest_poses(file):
@@ -82,24 +83,24 @@ def _posed(path: str, names: str, file: GlbFile, skin: Skin | None) -> Target:
     own = with_stumps(file.skeleton(), skin)
     note = ""
     if names == "auto":
-        parts, note = parts_in(file, own)
-        parts = loose_parts(own, parts, skin)
+        parts, note = parts_in(file, own, frozenset() if skin is None else skin.carriers())
+        if note or not vrm_bones(file)[0]:
+            parts = loose_parts(own, parts, skin)
     else:
         parts = named_parts(own, names, path)
+    for part, joint in parts.items():
+        if (over := file.parents[joint]) in file.uneven:
+            raise HopdiffError(
+                f"{path}: joint {own.names[over]!r} is scaled unevenly, and {own.names[joint]!r} ({part}) hangs on it;"
+                " apply its scale before export."
+            )
     skeleton = rehung(path, own, parts, skin)
     order = [own.index(name) for name in skeleton.names]
     parts = {part: order.index(joint) for part, joint in parts.items()}
     if skin is not None:
-        skin = replace(skin, weights=skin.weights[:, order])
+        skin = skin.reordered(order)
     notes = (f"{Path(path).name}: {note}.",) if note else ()
     target = replace(target_of(path, skeleton, parts, None, file), skin=skin, notes=notes)
-    for part, joint in target.parts.items():
-        over = file.parents[order[joint]]
-        if over in file.uneven:
-            raise HopdiffError(
-                f"{path}: joint {own.names[over]!r} is scaled unevenly, and {skeleton.names[joint]!r} ({part}) hangs on"
-                " it; apply its scale before export."
-            )
     return _with_sides(target)
 
 

@@ -26,6 +26,7 @@ SHOULDERS = 0.25  # of the way from the hips to the top at which arms begin at l
 # How like a limb three joints are, in doublings of its length. The weights are set by hand on skeletons of many
 # programs, which tests hold.
 PIECE = 0.3  # for every joint on the way that is none of the three, and of a leg for those of its own before it
+MOST_PIECES = 12  # of one bone of a limb
 MARK = 0.7  # where the lower one but marks the end of a bone
 BENT = 2.0  # for a leg that goes nowhere
 HAND, TIP = 0.5, 0.2  # where several chains begin at the lower joint, or nothing hangs on it
@@ -90,8 +91,8 @@ class Shape:
         """Of all three joints that hang on each other how like a limb they are."""
         for lower in joints:
             chain = [joint for joint in self.skeleton.above(lower) if joint in joints]
-            for k, middle in enumerate(chain):
-                for upper in chain[k + 1 :]:
+            for k, middle in enumerate(chain[:MOST_PIECES]):
+                for upper in chain[k + 1 : k + 1 + MOST_PIECES]:
                     if (score := self.likeness(limb := Limb(upper, middle, lower))) is not None:
                         yield score, limb
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import base64
 import binascii
-from collections.abc import Sequence
-from typing import Any, TypeGuard
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,8 @@ from hopdiff.io.glb_unpack import MESHOPT, unpacked_view
 
 KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-MOST = 50_000_000  # numbers of one accessor that are read
+T = TypeVar("T")
+MOST = 12_000_000  # numbers of one accessor that are read: those of four million vertices
 
 
 class Accessors:
@@ -38,7 +39,7 @@ class Accessors:
         accessor = _entry(self.content, "accessors", index)
         if accessor is None:
             return None
-        kind, width = KINDS.get(accessor.get("componentType", 0)), WIDTHS.get(accessor.get("type", ""))
+        kind, width = _known(KINDS, accessor.get("componentType")), _known(WIDTHS, accessor.get("type"))
         count = accessor.get("count")
         if kind is None or width is None or not _is_size(count) or count * width > MOST:
             return None
@@ -58,7 +59,7 @@ class Accessors:
         accessor = _entry(self.content, "accessors", index)
         if stored is None or accessor is None or not bool(np.isfinite(stored).all()):
             return None
-        kind = KINDS.get(accessor.get("componentType", 0), "<f4")
+        kind = _known(KINDS, accessor.get("componentType")) or "<f4"
         if accessor.get("normalized") and np.dtype(kind).kind in "iu":
             return np.maximum(stored / np.iinfo(kind).max, -1.0)
         return stored
@@ -79,7 +80,7 @@ class Accessors:
         places, values = sparse.get("indices"), sparse.get("values")
         if not isinstance(places, dict) or not isinstance(values, dict) or count > len(found):
             return None
-        own = KINDS.get(places.get("componentType", 0))
+        own = _known(KINDS, places.get("componentType"))
         if own is None or np.dtype(own).kind != "u":
             return None
         at = self._rows(places.get("bufferView"), places.get("byteOffset", 0), own, count, 1)
@@ -115,10 +116,8 @@ class Accessors:
         entry = _entry(self.content, "bufferViews", index)
         if entry is None:
             return None, 0
-        marks = entry.get("extensions")
         for name in MESHOPT:
-            packed = marks.get(name) if isinstance(marks, dict) else None
-            if isinstance(packed, dict):
+            if (packed := extension(entry, name)) is not None:
                 if index not in self._unpacked:
                     data = self._buffer(packed.get("buffer"))
                     self._unpacked[index] = None if data is None else unpacked_view(packed, data)
@@ -145,6 +144,17 @@ def _inside(uri: Any) -> bytes | None:
         return base64.b64decode(uri.split(",", 1)[1], validate=True)
     except binascii.Error:
         return None
+
+
+def extension(entry: Mapping[str, Any], name: str) -> dict[str, Any] | None:
+    """What an extension says of something in a file; None where there is none, or no table."""
+    marks = entry.get("extensions")
+    found = marks.get(name) if isinstance(marks, dict) else None
+    return found if isinstance(found, dict) else None
+
+
+def _known(table: Mapping[Any, T], key: Any) -> T | None:
+    return table.get(key) if isinstance(key, int | str) else None
 
 
 def _entry(content: dict[str, Any], name: str, index: Any) -> dict[str, Any] | None:

@@ -113,12 +113,16 @@ class GlbFile(ParsedGlb):
                 turns[node] = np.tile(turn, (len(places), 1))
                 continue
             back, sign = np.linalg.inv(over[:3, :3]), np.where(size < 0.0, -1.0, 1.0)
-            stand = back @ self.matrices[k, :3, :3] * sign
+            stand = back @ self.matrices[k, :3, :3]
+            if np.linalg.det(stand) * sign.prod() < 0.0:
+                sign[0] *= -1.0  # its skin is mirrored against its node
+            stand = stand * sign
             lengths = np.linalg.norm(stand, axis=0)
             if np.abs(stand - _matrix(turn) * np.abs(size)).max() > STOOD * lengths.max():
                 turn = quaternions(torch.from_numpy(turn_of(stand / lengths))[None])[0].numpy()
-                if np.abs(lengths - np.abs(size)).max() > STOOD * lengths.max():
-                    sizes[node] = np.tile(sign * lengths, (len(places), 1))
+            hidden = np.abs(size).min() < STOOD
+            if not hidden and np.abs(sign * lengths - size).max() > STOOD * lengths.max():
+                sizes[node] = np.tile(sign * lengths, (len(places), 1))
             frame = turn_of(over)
             above = turned[:, parent] if parent >= 0 else np.eye(3)[None]
             change = frame.T @ (np.swapaxes(above, -1, -2) @ turned[:, k]) @ frame @ _matrix(turn)
@@ -168,13 +172,13 @@ class _Writer:
     def __init__(self, file: GlbFile) -> None:
         self.content = copy.deepcopy(file.content)
         self.chunks = list(file.chunks)
-        self.whole = bool(self.chunks) and self.chunks[0][0] == BIN
         buffers = self.content.setdefault("buffers", [])
-        if not self.whole and not buffers:
-            self.chunks.insert(0, (BIN, b""))
-            self.whole = True
-            buffers.append({"byteLength": 0})
-        elif not self.whole:
+        if not buffers:
+            if not self.chunks or self.chunks[0][0] != BIN:
+                self.chunks.insert(0, (BIN, b""))
+            buffers.append({"byteLength": len(self.chunks[0][1])})
+        self.whole = bool(self.chunks) and self.chunks[0][0] == BIN and "uri" not in buffers[0]
+        if not self.whole:
             # The first buffer brings its own data, so that there is no place for a chunk: ours do the same.
             buffers.append({"byteLength": 0})
         self.buffer = 0 if self.whole else len(buffers) - 1
@@ -240,7 +244,11 @@ class _Writer:
         else:
             text = base64.b64encode(self.data).decode()
             buffer["uri"] = f"data:application/octet-stream;base64,{text}"
-        written = json.dumps(self.content, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+        try:
+            written = json.dumps(self.content, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+        except UnicodeEncodeError:
+            # Half a letter in a name can be written as its number only.
+            written = json.dumps(self.content, separators=(",", ":"), allow_nan=False).encode()
         chunks = [(JSON, written + b" " * (-len(written) % 4)), *self.chunks]
         size = 12 + sum(8 + len(data) for _, data in chunks)
         if size >= 2**32:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdiff.io.glb_accessors import Accessors
+from hopdiff.io.glb_accessors import Accessors, extension
 from hopdiff.io.glb_parse import BIN, GlbSkin, Matrix, ParsedGlb
 from hopdiff.io.glb_unpack import DRACO, unpacked_mesh
 
@@ -104,9 +104,14 @@ def _mesh(name: str, primitive: dict[str, Any], skin: GlbSkin, accessors: Access
         weights.append(heavy)
     if not joints:
         return None
-    which, heavy = np.concatenate(joints, axis=1).astype(np.int64), np.concatenate(weights, axis=1)
-    heavy = np.where((heavy < LEAST) | (which < 0), 0.0, heavy)
-    if which.max() >= len(skin.joints):
+    numbers, heavy = np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
+    heavy = np.where(heavy < LEAST, 0.0, heavy)
+    # Where nothing is held a number may be any.
+    numbers = np.where(heavy > 0.0, numbers, 0.0)
+    if numbers.min() < 0.0 or numbers.max() >= len(skin.joints):
+        return None
+    which = numbers.astype(np.int64)
+    if (skin.inverse[which[heavy > 0.0], 3, 3] == 0.0).any():
         return None
     total = heavy.sum(axis=1, keepdims=True)
     held = total[:, 0] > 0.0
@@ -121,8 +126,9 @@ def _mesh(name: str, primitive: dict[str, Any], skin: GlbSkin, accessors: Access
         return None
     pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     edges = np.unique(np.sort(pairs, axis=1), axis=0)
-    edges = edges[held[edges].all(axis=1)]
-    return SkinnedMesh(name, vertices, np.array(skin.joints)[which], heavy, inverse, edges)
+    # What nothing holds goes nowhere.
+    edges = (held.cumsum() - 1)[edges[held[edges].all(axis=1)]]
+    return SkinnedMesh(name, vertices[held], np.array(skin.joints)[which[held]], heavy[held], inverse, edges)
 
 
 def _attributes(
@@ -130,9 +136,8 @@ def _attributes(
 ) -> tuple[Callable[[str], Matrix | None], NDArray[np.int64] | None] | None:
     """What gives a primitive's attributes (V, width) by name, and its faces (F, 3) where these are packed with them.
     None where they cannot be unpacked."""
-    marks = primitive.get("extensions")
-    packed = marks.get(DRACO) if isinstance(marks, dict) else None
-    if not isinstance(packed, dict):
+    packed = extension(primitive, DRACO)
+    if packed is None:
         return lambda name: accessors.values(attributes.get(name)), None
     mesh = unpacked_mesh(packed, accessors.bytes_of(packed.get("bufferView")))
     if mesh is None:

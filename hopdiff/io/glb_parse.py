@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -10,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdiff.io.glb_accessors import Accessors
+from hopdiff.io.glb_accessors import Accessors, extension
 from hopdiff.io.glb_unpack import MESHOPT
 from hopdiff.types import HopdiffError
 
@@ -18,13 +19,14 @@ Matrix = NDArray[np.float64]
 Chunks = tuple[tuple[int, bytes], ...]
 
 UNEVEN = 1e-3  # share by which the scales of a joint may differ between its axes
+FLAT = 1e-9  # of its size to the third that the volume of a matrix must be for it to have an inverse
 LONGEST = 1e6  # of any number in a node: what is larger is no place in a character
 JSON, BIN = 0x4E4F534A, 0x004E4942  # kinds of chunks
 
 
 class GlbSkin(NamedTuple):
     """A skin of the skeleton. number: in the file. joints: (N) of the skeleton. inverse: (N, 4, 4) what takes its mesh
-    into the frames of its joints, None where that cannot be read."""
+    into the frames of its joints, 0 where that has no inverse itself; None where it cannot be read."""
 
     number: int
     joints: tuple[int, ...]
@@ -82,12 +84,17 @@ def _split(data: bytes, path: str) -> tuple[dict[str, Any], Chunks]:
     if not chunks or chunks[0][0] != JSON:
         raise HopdiffError(f"{path} is broken: it does not begin with a JSON chunk.")
     try:
-        content = json.loads(chunks[0][1].decode("utf-8"), parse_constant=_no_number)
+        content = json.loads(chunks[0][1].decode("utf-8"), parse_constant=_no_number, parse_float=_finite)
     except (ValueError, RecursionError) as error:
         raise HopdiffError(f"{path} is broken: its JSON chunk cannot be read ({type(error).__name__}).") from error
     if not isinstance(content, dict):
         raise HopdiffError(f"{path} is broken: its JSON chunk is no table.")
     return content, tuple(chunks[1:])
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    return value if math.isfinite(value) else _no_number(text)
 
 
 def _no_number(text: str) -> float:
@@ -101,6 +108,11 @@ class _Reader:
         self.content = content
         self.path = path
         self.nodes = self.tables("nodes")
+        for node in self.nodes:
+            # What is null is not there.
+            for name in ("matrix", "translation", "rotation", "scale"):
+                if name in node and node[name] is None:
+                    del node[name]
         self.parent: dict[int, int] = {}
 
     def parsed(self, chunks: Chunks) -> ParsedGlb:
@@ -156,8 +168,7 @@ class _Reader:
             uri = buffer.get("uri")
             size = self.index(buffer.get("byteLength"), 2**32, f"the length of buffer {k},")
             if uri is None:
-                marks = buffer.get("extensions") or {}
-                if isinstance(marks, dict) and any((marks.get(name) or {}).get("fallback") for name in MESHOPT):
+                if any((extension(buffer, name) or {}).get("fallback") for name in MESHOPT):
                     continue  # readers that can unpack the other buffer do not need it
                 own = len(chunks[0][1]) if k == 0 and chunks and chunks[0][0] == BIN else -1
                 if size > own:
@@ -193,9 +204,10 @@ class _Reader:
         values = accessors.values(skin["inverseBindMatrices"])
         if values is None or values.shape[1] != 16 or len(values) < count:
             return None
-        found: Matrix = values[:count].reshape(-1, 4, 4).swapaxes(1, 2)
-        sound = np.abs(np.linalg.det(found[:, :3, :3])).min() > 1e-18
-        return found if sound else None
+        found: Matrix = values[:count].reshape(-1, 4, 4).swapaxes(1, 2).copy()
+        size = np.linalg.norm(found[:, :3, :3], axis=(1, 2))
+        found[np.abs(np.linalg.det(found[:, :3, :3])) <= FLAT * size**3] = 0.0
+        return found
 
     def children(self, node: int) -> list[int]:
         found = self.nodes[node].get("children", [])

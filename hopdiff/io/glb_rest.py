@@ -24,9 +24,10 @@ def rest_poses(file: ParsedGlb) -> Iterator[Matrix]:
     main = next((skin for skin in file.skins if skin.inverse is not None and np.ptp(skin.inverse, axis=0).any()), None)
     found: list[Matrix] = []
     if main is not None and main.inverse is not None:
-        joints, bound = np.array(main.joints), inverted(main.inverse)
+        sound = main.inverse[:, 3, 3] != 0.0
+        joints, bound = np.array(main.joints)[sound], inverted(main.inverse[sound])
         world = file.matrices[joints]
-        each = world @ main.inverse
+        each = world @ main.inverse[sound]
         length = _lengths(file, joints, world) / np.maximum(_lengths(file, joints, bound), 1e-12)
         kept = length[np.isfinite(length) & (length > 0.0)]
         scale = float(np.median(kept)) if len(kept) else 1.0
@@ -54,19 +55,22 @@ def _whole(file: ParsedGlb, bound: Matrix, joints: Matrix, size: float) -> Matri
     their own digits, and those of no skin stand against their parents as in the file."""
     known: dict[int, Matrix] = dict(zip(joints.tolist(), bound, strict=True))
     for skin in file.skins[1:]:
-        shared = [k for k, joint in enumerate(skin.joints) if joint in known]
-        if skin.inverse is None or not shared:
+        if skin.inverse is None:
+            continue
+        own = [k for k in range(len(skin.joints)) if skin.inverse[k, 3, 3] != 0.0]
+        shared = [k for k in own if skin.joints[k] in known]
+        if not shared:
             continue
         place = known[skin.joints[shared[0]]] @ skin.inverse[shared[0]]
-        for joint, inverse in zip(skin.joints, skin.inverse, strict=True):
-            known.setdefault(joint, place @ inverted(inverse))
+        for k in own:
+            known.setdefault(skin.joints[k], place @ inverted(skin.inverse[k]))
     found = np.empty_like(file.matrices)
     for k, parent in enumerate(file.parents):
         over, under = (file.above, file.above) if parent < 0 else (file.matrices[parent], found[parent])
         # A parent that flattens what it holds has no inverse.
         local = np.linalg.pinv(over) @ file.matrices[k]
-        own = under @ local
-        found[k] = known[k] if k in known and _agreeing(own[None], known[k][None], size) == 0 else own
+        stays = under @ local
+        found[k] = known[k] if k in known and _agreeing(stays[None], known[k][None], size) == 0 else stays
     return found
 
 

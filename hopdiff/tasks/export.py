@@ -14,7 +14,7 @@ from hopdiff.export.prepare import in_place_if, named, with_clip
 from hopdiff.export.request import Exports
 from hopdiff.export.retarget import Target, retargeted, write_retargeted
 from hopdiff.export.settings import RetargetSettings
-from hopdiff.export.skin_check import SkinCheck
+from hopdiff.export.skin_check import SkinCheck, worst_of
 from hopdiff.export.tables import read_npz
 from hopdiff.export.take import Take
 from hopdiff.export.write import distinct, plain, write_exports
@@ -148,11 +148,7 @@ def on_target(takes: Sequence[Take], target: Target, settings: RetargetSettings)
         # What mirrors and repeats knows the source; the target's feet are planted over the whole of it.
         facing = torch.tensor(target.facing(), dtype=torch.float64)
         rest = axis_rotation("Y", -facing) @ target.rest[0]
-        moved = []
-        for clip in (with_clip(take, settings) for take in takes):
-            found = retargeted(clip, target)
-            turn = {name: value for name, value in clip.numbers.items() if name == "turn"}
-            moved.append(in_place_if(replace(found, numbers={**found.numbers, **turn}), settings, rest))
+        moved = [in_place_if(retargeted(with_clip(take, settings), target), settings, rest) for take in takes]
         return named(moved, settings)
     except HopdiffError as error:
         raise HopdiffError(f"retarget: {error}") from error
@@ -164,7 +160,7 @@ def _mapped(folder: RunFolder, exports: Exports, written: Written) -> list[tuple
     if exports.target is None:
         return []
     report, name = exports.target.report(), Path(exports.target.name).name
-    worst = max(written.checks, key=lambda check: check.stretch, default=None)
+    worst = worst_of(written.checks)
     numbers = {**report.numbers(), "notes": list(exports.target.notes), "skin": worst.numbers() if worst else None}
     metrics = folder.path / "metrics.json"
     if metrics.is_file():

@@ -13,8 +13,6 @@ import pytest
 from hopdiff.cli import main
 from hopdiff.export.retarget import read_target
 from hopdiff.io.bvh import write_bvh
-from hopdiff.io.glb_file import read_glb
-from hopdiff.io.glb_humanoid import skin_joints
 from hopdiff.whole_body.skeleton import JOINTS
 from tests.export.rigs import armature, glb, skeleton
 from tests.people import clip_of
@@ -121,7 +119,9 @@ def weighted(path: Path, change: dict[str, Any]) -> Path:
 
 
 def test_the_joints_that_carry_the_skin_are_read(tmp_path: Path) -> None:
-    assert skin_joints(read_glb(weighted(tmp_path / "hero.glb", {}))) == {0, 5, 7}
+    skin = read_target(weighted(tmp_path / "hero.glb", {})).skin
+    assert skin is not None
+    assert skin.carriers() == {0, 5, 7}
 
 
 @pytest.mark.parametrize(
@@ -129,8 +129,9 @@ def test_the_joints_that_carry_the_skin_are_read(tmp_path: Path) -> None:
 )
 def test_weights_that_cannot_be_read_say_nothing(change: dict[str, Any], tmp_path: Path) -> None:
     path = weighted(tmp_path / "hero.glb", change)
-    assert skin_joints(read_glb(path)) == frozenset()
-    assert read_target(path).report().count == "22 of 22"
+    target = read_target(path)
+    assert target.skin is None
+    assert target.report().count == "22 of 22"
 
 
 def test_a_motion_is_written_into_a_vrm_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

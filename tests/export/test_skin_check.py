@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from hopdiff.export.retarget import read_target, retargeted, write_retargeted
-from hopdiff.export.skin_check import check_skin
+from hopdiff.export.skin_check import check_skin, worst_of
 from hopdiff.extras import install
 from hopdiff.io.glb_file import GlbFile
 from hopdiff.types import HopdiffError
@@ -138,7 +138,7 @@ def test_what_is_not_on_the_skeleton_is_told(tmp_path: Path) -> None:
 
     (tmp_path / "hero.glb").write_bytes(edited(stand_in("mixamo"), hat))
     assert read_target(tmp_path / "hero.glb").notes == (
-        "hero.glb: Hat hang elsewhere than on the skeleton, and are not moved.",
+        "hero.glb: not on the skeleton, so that it does not move: Hat.",
     )
 
 
@@ -150,3 +150,82 @@ def test_limbs_below_an_uneven_scale_are_refused(tmp_path: Path) -> None:
     (tmp_path / "hero.glb").write_bytes(edited(stand_in("mixamo"), hips))
     with pytest.raises(HopdiffError, match=r"'mixamorig:Spine' is scaled unevenly, and 'mixamorig:Spine1' \(chest\)"):
         read_target(tmp_path / "hero.glb")
+
+
+def test_the_worst_of_several_is_told(tmp_path: Path) -> None:
+    target, take, _ = made(tmp_path / "hero.glb")
+    up = take.clip.root_position + torch.tensor([0.0, 0.05, 0.0], dtype=torch.float64)
+    high = replace(take, name="high", clip=replace(take.clip, root_position=up))
+    checks = write_retargeted(tmp_path / "two.glb", [take, high], target)
+    first = replace(checks[0], stretch=1.9)
+    both = worst_of([first, checks[1]])
+    assert both is not None
+    assert both.stretch == 1.9
+    assert both.sole == checks[1].sole
+
+
+def test_what_stays_behind_is_told(tmp_path: Path) -> None:
+    """A sword that hangs on no joint of the body, and whose node does not move."""
+    target, take, data = made(tmp_path / "hero.glb", "ik_feet")
+
+    def far(content: dict[str, Any]) -> None:
+        still("mixamorig:RightFoot", "mixamorig:RightToeBase")(content)
+        node = next(one for one in content["nodes"] if one.get("name") == "mixamorig:RightFoot")
+        node["translation"] = [0.0, 0.0, -9.0]
+
+    [found] = check_skin(edited(data, far), [take], target)
+    assert "mixamorig:RightFoot" in found.behind
+    assert found.torn
+
+
+def loose_vertex(content: dict[str, Any]) -> None:
+    """The first vertex is held by nothing."""
+    weights = content["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"]
+    accessor = content["accessors"][weights]
+    view = len(content["bufferViews"])
+    content["bufferViews"].append({"buffer": 0, "byteOffset": 0, "byteLength": 4})
+    content["bufferViews"].append({"buffer": 0, "byteOffset": 0, "byteLength": 16})
+    accessor["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": view, "componentType": 5125},
+        "values": {"bufferView": view + 1},
+    }
+
+
+def test_a_vertex_that_nothing_holds_is_not_left_behind(tmp_path: Path) -> None:
+    data = stand_in("mixamo")
+    length = struct.unpack_from("<I", data, 12)[0]
+    content, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    loose_vertex(content)
+    # 20 bytes of 0 before the rest: the number of the vertex, and its weights.
+    for view in content["bufferViews"][:-2]:
+        view["byteOffset"] += 32
+    content["buffers"][0]["byteLength"] += 32
+    (tmp_path / "hero.glb").write_bytes(glb(content, bytes(32) + binary))
+    target = read_target(tmp_path / "hero.glb")
+    assert target.skin is not None
+    whole = read_target(plain_copy(tmp_path)).skin
+    assert whole is not None
+    assert len(target.skin.vertices) == len(whole.vertices) - 1
+    take = retargeted(own().repeated(4), target)
+    [found] = write_retargeted(tmp_path / "out.glb", [take], target)
+    assert found.behind == ()
+
+
+def plain_copy(folder: Path) -> Path:
+    (folder / "plain.glb").write_bytes(stand_in("mixamo"))
+    return folder / "plain.glb"
+
+
+@pytest.mark.parametrize("joint", ["mixamorig:Head", "mixamorig:LeftHand", "mixamorig:LeftUpLeg", "mixamorig:LeftFoot"])
+def test_a_node_that_is_mirrored_against_its_skin(tmp_path: Path, joint: str) -> None:
+    def mirror(content: dict[str, Any]) -> None:
+        next(one for one in content["nodes"] if one.get("name") == joint)["scale"] = [-1.0, 1.0, 1.0]
+
+    (tmp_path / "hero.glb").write_bytes(edited(stand_in("mixamo"), mirror))
+    target = read_target(tmp_path / "hero.glb")
+    take = retargeted(own(), target)
+    [found] = write_retargeted(tmp_path / "out.glb", [take], target)
+    assert found.stretch < 2.0
+    assert found.sole is not None
+    assert found.sole < 0.005

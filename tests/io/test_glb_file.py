@@ -16,6 +16,7 @@ from hopdiff.export.glb import glb_bytes
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.io.glb_file import Animation, GlbFile, read_glb
 from hopdiff.io.glb_mesh import skinned_meshes
+from hopdiff.io.glb_parse import parse_glb
 from hopdiff.io.glb_rest import rest_poses
 from hopdiff.types import HopdiffError
 from tests.export.gltf import Gltf
@@ -184,3 +185,44 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path, data: st.DataObject) 
 @given(data=st.data())
 def test_many_damaged_files_are_read_or_refused(tmp_path: Path, data: st.DataObject) -> None:
     check_damaged(tmp_path, data)
+
+
+ODD: dict[str, Callable[[dict[str, Any]], object]] = {
+    "kind": lambda c: c["accessors"][0].update(componentType=[]),
+    "type": lambda c: c["accessors"][0].update(type={}),
+    "extensions of a view": lambda c: c["bufferViews"][0].update(extensions=3),
+    "extension of a buffer": lambda c: c["buffers"][0].update(extensions={"EXT_meshopt_compression": [1]}),
+    "extensions of a mesh": lambda c: c["meshes"][0]["primitives"][0].update(extensions=[3]),
+    "offset": lambda c: c["bufferViews"][1].update(byteOffset=2**70),
+    "null": lambda c: c["nodes"][1].update(scale=None, translation=None, matrix=None),
+    "half a letter": lambda c: c["nodes"][4].update(name="a\ud83d"),
+    "flat bind pose": lambda c: c["skins"][0].update(inverseBindMatrices=1),
+    "joints": lambda c: c["meshes"][0]["primitives"][0]["attributes"].update(JOINTS_0=3),
+    "weights": lambda c: c["meshes"][0]["primitives"][0]["attributes"].update(WEIGHTS_0=1),
+    "buffers": lambda c: c.update(buffers=[{"byteLength": 0, "uri": "data:application/octet-stream;base64,"}]),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_files_are_read_or_refused_in_one_sentence(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "rig.glb"
+    path.write_bytes(changed(armature(skeleton()), ODD[name]))
+    said = str(path)
+    try:
+        file = read_glb(path)
+        skinned_meshes(file)
+        for matrices in rest_poses(file):
+            written = file.in_pose(matrices).with_animations([at_rest(file)])
+            assert parse_glb(written, "again").content["animations"]
+    except HopdiffError as error:
+        said = str(error)
+    assert str(path) in said
+    assert "\n" not in said
+
+
+def test_endless_numbers_are_refused(tmp_path: Path) -> None:
+    data = armature(skeleton())
+    text = changed(data, lambda c: c["materials"][0]["extras"].update(far=12345.5)).replace(b"12345.5", b"1.e9999")
+    (tmp_path / "rig.glb").write_bytes(text.replace(b"1.e9999", b"1e99999"))
+    with pytest.raises(HopdiffError, match="its JSON chunk cannot be read"):
+        read_glb(tmp_path / "rig.glb")
