@@ -20,13 +20,16 @@ from hopdiff.geometry.joint_names import SIDES
 from hopdiff.geometry.skeleton import Skeleton
 
 
-def body_mesh(skeleton: Skeleton, masses: Mapping[str, float] | None = None) -> dict[str, Surface]:
+def body_mesh(
+    skeleton: Skeleton, masses: Mapping[str, float] | None = None, parts: Mapping[str, str] | None = None
+) -> dict[str, Surface]:
     """Surfaces by side: left, right and middle, in the rest pose with joint 0 at the origin [m].
 
-    masses: of the eleven segments of hopdiff's bodies [kg] by joint; None for those of an ordinary build. Joints that
-    are no known part of a body get plain bones.
+    masses: of the eleven segments of hopdiff's bodies [kg] by joint; None for those of an ordinary build. parts:
+    of the body -> joint; None where names and shape tell them. Then joints that are no part get plain bones, otherwise
+    nothing: what else hangs on a character of others moves no flesh of its own.
     """
-    body = Build.of(skeleton, masses)
+    body = Build.of(skeleton, masses, parts)
     for side in SIDES:
         leg(body, side)
         arm(body, side)

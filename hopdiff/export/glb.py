@@ -147,7 +147,7 @@ class _Writer:
         wide = SHORT if len(rest) > 256 else BYTE
         primitives = [
             self._primitive(surface, places[0], list(COLOURS).index(side), wide)
-            for side, surface in body_mesh(skeleton, take.masses).items()
+            for side, surface in body_mesh(skeleton, take.masses, take.parts).items()
         ]
         node = {"name": name, "skin": len(self.skins) - 1}
         if primitives:
@@ -253,7 +253,7 @@ def same_body(a: Skeleton, b: Skeleton) -> bool:
 
 def _same(one: Take, other: Take) -> bool:
     a, b = one.clip.skeleton, other.clip.skeleton
-    if not same_body(a, b) or one.masses != other.masses:
+    if not same_body(a, b) or (one.masses, one.parts) != (other.masses, other.parts):
         return False
     return a.end_sites.keys() == b.end_sites.keys() and all(
         bool(((a.end_sites[name] - b.end_sites[name]).abs() < ALIKE).all()) for name in a.end_sites

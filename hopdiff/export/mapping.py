@@ -67,7 +67,10 @@ class MappingReport:
 
     def warning(self) -> str | None:
         """What the user should do about it, None where nothing stays stiff that people see."""
-        stiff = grouped(part for part in self.missing if part in WANTED)
+        # A head moves without a neck.
+        stiff = grouped(
+            part for part in self.missing if part in WANTED and not (part == "neck" and "head" in self.joints)
+        )
         if not stiff:
             return None
         return (

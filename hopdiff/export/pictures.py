@@ -50,7 +50,7 @@ class Figure:
     @classmethod
     def of(cls, take: Take) -> Figure:
         """Raises HopdiffError for a take that holds no body, or a number that is not finite."""
-        surfaces = body_mesh(take.clip.skeleton, take.masses)
+        surfaces = body_mesh(take.clip.skeleton, take.masses, take.parts)
         if not surfaces:
             raise HopdiffError(f"cannot draw {take.name}: its skeleton has no bones.")
         if not all(bool(values.isfinite().all()) for values in (take.clip.root_position, take.clip.rotations)):

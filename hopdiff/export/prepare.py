@@ -35,7 +35,10 @@ def prepared(take: Take, settings: ExportSettings) -> Take:
     if settings.rest is not None:
         take = with_rest_pose(take, settings.rest)
     if settings.names is not None:
-        take = replace(take, clip=replace(take.clip, skeleton=renamed(take.clip.skeleton, settings.names)))
+        skeleton = renamed(take.clip.skeleton, settings.names)
+        called = dict(zip(take.clip.skeleton.names, skeleton.names, strict=True))
+        parts = take.parts and {part: called[joint] for part, joint in take.parts.items()}
+        take = replace(take, clip=replace(take.clip, skeleton=skeleton), parts=parts)
     return with_ground_root(take, settings.ground_name) if settings.ground else take
 
 

@@ -79,7 +79,8 @@ def retargeted(take: Take, target: Target) -> Take:
     numbers |= {name: ratio * take.numbers[name] for name in LENGTHS if isinstance(take.numbers.get(name), float)}
     numbers |= {"body": Path(target.name).name, "parts": target.report().count, "leg_ratio": ratio}
     unknown: dict[str, Any] = dict.fromkeys(("com", "leg_force", "masses", "force", "cop", "segments"))
-    found = replace(take, clip=clip, feet=feet, numbers=numbers, **unknown)
+    parts = {part: target.skeleton.names[joint] for part, joint in target.parts.items()}
+    found = replace(take, clip=clip, feet=feet, numbers=numbers, parts=parts, **unknown)
     return with_way_on_root(found, target.parts["pelvis"]) if _ground_root(target) else found
 
 

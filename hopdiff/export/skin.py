@@ -72,7 +72,9 @@ class Skin:
 
     def held_by(self, joints: Sequence[int]) -> NDArray[np.float64]:
         """(V,) the weight that joints have on every vertex."""
-        found: NDArray[np.float64] = (self.weights * np.isin(self.joints, joints)).sum(axis=1)
+        table = np.zeros(int(self.joints.max()) + 1, dtype=bool)
+        table[[joint for joint in joints if joint < len(table)]] = True
+        found: NDArray[np.float64] = (self.weights * table[self.joints]).sum(axis=1)
         return found
 
     def shared(self, joint: int, count: int) -> NDArray[np.float64]:
@@ -116,8 +118,10 @@ def with_stumps(skeleton: Skeleton, skin: Skin | None) -> Skeleton:
     ground, height = float(skin.vertices[:, 1].min()), float(np.ptp(skin.vertices[:, 1]))
     ends = dict(skeleton.end_sites)
     for joint, name in enumerate(skeleton.names):
+        if name in ends or skeleton.children(joint) or skin.everything(joint) < HELD:
+            continue
         held = skin.held_by([joint]) >= HELD
-        if name in ends or skeleton.children(joint) or not held.any():
+        if not held.any():
             continue
         drop = float(places[joint, 1]) - float(skin.vertices[held, 1].min())
         if drop > STUMP * height and float(places[joint, 1]) - drop - ground < NEAR_GROUND * height:

@@ -50,8 +50,9 @@ class Take:
     feet: (T, 2, 3) their contact points [m]. com: (T, 3) centre of mass [m]. leg_force: (T, 2) along each leg [N].
     masses: of the body's eleven segments by joint [kg]. force, cop: (T, 2, 3) ground force on each foot [N] and its
     centre of pressure [m]. segments: the rigid parts that its joints move. way: (T, 3) of a motion on the spot the way
-    that was left out: x, z [m] and yaw [rad]. What is not known is None. numbers: about
-    the motion, for people (what metrics.json holds). notes: sentences for the user on how its file was read.
+    that was left out: x, z [m] and yaw [rad]. parts: of the body, by the names of `full_body`, -> joint; None where
+    names and shape tell them. What is not known is None. numbers: about the motion, for people (what metrics.json
+    holds). notes: sentences for the user on how its file was read.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Take:
     segments: Segments | None = None
     notes: tuple[str, ...] = ()
     way: Tensor | None = None
+    parts: Mapping[str, str] | None = None
 
     @property
     def frames(self) -> int:

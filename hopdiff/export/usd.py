@@ -91,7 +91,7 @@ def _stage(take: Take) -> Any:
     standing[0] = torch.tensor([0.0, root_height(clip.skeleton), 0.0])
     skeleton = _add_skeleton(stage, clip.skeleton, standing)
     _add_animation(stage, take, skeleton)
-    surfaces = body_mesh(clip.skeleton, take.masses)
+    surfaces = body_mesh(clip.skeleton, take.masses, take.parts)
     for side, surface in surfaces.items():
         _add_mesh(stage, side, surface, standing[0].numpy(), skeleton)
     if surfaces:

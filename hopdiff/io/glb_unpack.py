@@ -5,6 +5,7 @@ EXT_meshopt_compression (Kapoulkine 2021) and KHR_draco_mesh_compression (Khrono
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ def unpacked_view(packed: dict[str, Any], data: bytes) -> bytes | None:
     """The bytes of a buffer view. packed: what its extension says. data: of the buffer that this names. None where the
     package is missing or the data broken."""
     try:
-        import meshoptimizer
+        meshoptimizer = import_module("meshoptimizer")
     except ImportError:
         return None
     start, size = packed.get("byteOffset", 0), packed.get("byteLength", 0)
@@ -54,13 +55,13 @@ def unpacked_mesh(
     of the buffer view that this names. None where the package is missing or the data broken."""
     names = packed.get("attributes")
     try:
-        import DracoPy
+        draco = import_module("DracoPy")
     except ImportError:
         return None
     if data is None or not isinstance(names, dict):
         return None
     try:
-        mesh = DracoPy.decode(data)
+        mesh = draco.decode(data)
         by_id = {one["unique_id"]: np.asarray(one["data"], dtype=np.float64) for one in mesh.attributes}
         found = {name: by_id[number] for name, number in names.items() if number in by_id}
         return found, np.asarray(mesh.faces, dtype=np.int64)

@@ -25,7 +25,8 @@ UP = np.array([0.0, 1.0, 0.0])
 class Build:
     """A body in its rest pose, joint 0 at the origin, and what is made of it so far.
 
-    places: (J, 3) joints [m]. left, ahead: (3,) level unit axes of the body. young: how much larger its head is,
+    places: (J, 3) joints [m]. left, ahead: (3,) level unit axes of the body. whole: whether joints that are no part
+    carry nothing. young: how much larger its head is,
     in the body's height, than a grown-up's. made: surfaces by side. covered: joints
     whose bone up to their parent lies in a surface; taken: joints whose end lies in one.
     """
@@ -36,16 +37,18 @@ class Build:
     masses: Mapping[str, float]
     left: Floats
     ahead: Floats
+    whole: bool = False
     young: float = 0.0
     made: dict[str, list[Surface]] = field(default_factory=lambda: {"left": [], "right": [], "middle": []})
     covered: set[int] = field(default_factory=set)
     taken: set[int] = field(default_factory=set)
 
     @classmethod
-    def of(cls, skeleton: Skeleton, masses: Mapping[str, float] | None) -> Build:
+    def of(cls, skeleton: Skeleton, masses: Mapping[str, float] | None, told: Mapping[str, str] | None = None) -> Build:
+        """told: part -> joint, in place of what names and shape tell."""
         straight = torch.eye(3, dtype=torch.float64).expand(1, len(skeleton.names), 3, 3)
         places: Floats = skeleton.forward(torch.zeros(1, 3).double(), straight)[0][0].numpy()
-        parts = parts_of(skeleton)
+        parts = parts_of(skeleton) if told is None else {part: skeleton.index(name) for part, name in told.items()}
         left = np.array([1.0, 0.0, 0.0])
         for part in ("hip", "shoulder"):
             if f"left_{part}" in parts and f"right_{part}" in parts:
@@ -54,7 +57,7 @@ class Build:
                     left = unit(way)
                     break
         known = dict(masses) if masses else ordinary_masses(places, parts)
-        body = cls(skeleton, places, parts, known, left, np.cross(left, UP))
+        body = cls(skeleton, places, parts, known, left, np.cross(left, UP), told is not None)
         body.young = body._young()
         return body
 

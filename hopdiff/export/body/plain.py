@@ -14,6 +14,8 @@ def bones(body: Build) -> None:
     """Plain bones to joints and ends that no surface holds."""
     inside = body.covered | body.taken
     for joint, parent in enumerate(body.skeleton.parents):
+        if body.whole and joint not in body.parts.values():
+            continue
         # Fingers lie in the hand.
         if body.taken.intersection((joint, *body.skeleton.above(joint))):
             continue
