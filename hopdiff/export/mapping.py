@@ -30,7 +30,7 @@ GROUPS = {
     "toes": _both("toe"),
 }
 # Parts without which a body looks stiff; without legs it is refused.
-WANTED = frozenset({"neck", "head", *_both("shoulder", "elbow", "toe")})
+WANTED = frozenset({"neck", "head", *_both("shoulder", "elbow", "ankle", "toe")})
 
 
 @dataclass(frozen=True)

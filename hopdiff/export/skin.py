@@ -16,11 +16,12 @@ from hopdiff.geometry.body_parts import rest_positions
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.glb_mesh import SkinnedMesh
 
-FEW = 8  # vertices of a foot below which they tell no sole
+FEW = 4  # vertices of a foot below which they tell no sole
 CARRIED = 0.05  # weight on any vertex above which a joint carries the skin
 HELD = 0.5  # weight from which on a foot's joints hold a vertex
 DEEPEST = 0.8  # of a leg's length that a sole may be below the ankle
-STUMP = 0.12  # of a body's height from which on what is below a last joint is a shank and no foot
+STUMP, SHANK = 0.05, 0.6  # of a body's height, and of the bone above, from which on what is below a last joint is a
+# shank and no foot
 NEAR_GROUND = 0.03  # of a body's height up to which a last joint's skin stands on the ground
 PITCHES = np.deg2rad(np.arange(-135.0, 136.0, 15.0))  # of the ground against a sole, tip down below 0
 ROLLS = np.deg2rad((-20.0, 0.0, 20.0))
@@ -124,7 +125,8 @@ def with_stumps(skeleton: Skeleton, skin: Skin | None) -> Skeleton:
         if not held.any():
             continue
         drop = float(places[joint, 1]) - float(skin.vertices[held, 1].min())
-        if drop > STUMP * height and float(places[joint, 1]) - drop - ground < NEAR_GROUND * height:
+        bone = float(skeleton.offsets[joint].norm())
+        if drop > max(STUMP * height, SHANK * bone) and float(places[joint, 1]) - drop - ground < NEAR_GROUND * height:
             ends[name] = torch.tensor((0.0, -drop, 0.0), dtype=torch.float64)
     return replace(skeleton, end_sites=ends)
 
@@ -154,6 +156,9 @@ def skin_sole(
     toes = [] if toe is None else below(toe)
     own, front = skin.held_by(below(ankle)), skin.held_by(toes)
     here = own >= HELD
+    if here.sum() < 2 * FEW:
+        # Of boxes few vertices are the foot's alone.
+        here = here | np.isin(skin.holder, below(ankle))
     if here.sum() < FEW:
         return None
     points = skin.vertices[here] - at[ankle]
@@ -164,9 +169,8 @@ def skin_sole(
     flat = low[:, [0, 2]]
     line = at[toe] - at[ankle] if toe is not None else None
     ahead = flat.mean(axis=0) if line is None else line[[0, 2]]
-    if np.linalg.norm(ahead) < 1e-6:
-        return None
-    ahead = ahead / np.linalg.norm(ahead)
+    # A box around its joint has no front.
+    ahead = ahead / np.linalg.norm(ahead) if np.linalg.norm(ahead) > 1e-6 else np.array((0.0, 1.0))
     along = flat @ ahead
     on_toe = front[here] > 0.5 * own[here]
     facing = np.array((ahead[0], 0.0, ahead[1]))

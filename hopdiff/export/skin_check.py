@@ -52,7 +52,8 @@ class SkinCheck:
     @property
     def torn(self) -> bool:
         """Whether a part of the skin is not where the rest of it goes."""
-        return bool(self.behind) or (self.stretch > TORN and self.grown > GROWN * self.leg)
+        apart = self.between[0] != self.between[1]
+        return bool(self.behind) or (apart and self.stretch > TORN and self.grown > GROWN * self.leg)
 
     def sentence(self) -> str:
         """How the skin follows, for people; edges that grow too little to be seen aside."""

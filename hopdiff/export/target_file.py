@@ -7,14 +7,16 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import torch
 
-from hopdiff.export.hanging import loose_parts, rehung
+from hopdiff.export.hanging import TRUNK, loose_parts, rehung
 from hopdiff.export.humanoid import parts_in
 from hopdiff.export.mapping import few
 from hopdiff.export.skin import Skin, with_stumps
 from hopdiff.export.target import Target, named_parts, target_of
 from hopdiff.extras import install
+from hopdiff.geometry.trunk_parts import trunk_parts
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.glb_file import GlbFile, read_glb
 from hopdiff.io.glb_humanoid import vrm_bones
@@ -61,9 +63,12 @@ def _in_rest_pose(path: str, names: str, file: GlbFile) -> Target:
         )
     if meshes.aside:
         notes.append(f"{Path(path).name}: not on the skeleton, so that it does not move: {few(meshes.aside)}.")
+    if loose := sum(mesh.loose for mesh in meshes.meshes):
+        notes.append(f"{Path(path).name}: {loose} vertices of its skin are held by no joint, and stay where they are.")
     found: list[Target] = []
     failed: HopdiffError | None = None
-    for matrices in rest_poses(file):
+    holding = {int(joint) for mesh in meshes.meshes for joint in np.unique(mesh.joints[mesh.weights > 0.0])}
+    for matrices in rest_poses(file, holding):
         try:
             target = _posed(path, names, file.in_pose(matrices), Skin.of(meshes.meshes, matrices))
         except HopdiffError as error:
@@ -99,8 +104,17 @@ def _posed(path: str, names: str, file: GlbFile, skin: Skin | None) -> Target:
     parts = {part: order.index(joint) for part, joint in parts.items()}
     if skin is not None:
         skin = skin.reordered(order)
+    if not set(TRUNK) & set(parts):
+        # Of a body whose legs hung elsewhere before.
+        parts = {**trunk_parts(skeleton, parts), **parts}
     notes = (f"{Path(path).name}: {note}.",) if note else ()
-    target = replace(target_of(path, skeleton, parts, None, file), skin=skin, notes=notes)
+    try:
+        target = replace(target_of(path, skeleton, parts, None, file), skin=skin, notes=notes)
+    except HopdiffError as error:
+        raise HopdiffError(f"{error} ({note})" if note else str(error)) from error
+    if skin is not None and not any(target.sole(leg) for leg in target.legs):
+        said = f"{Path(path).name}: no soles were found on its skin, so that feet stand where joints say."
+        target = replace(target, notes=(*target.notes, said))
     return _with_sides(target)
 
 

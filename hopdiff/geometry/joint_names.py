@@ -37,7 +37,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "collar": ("clavicle", "collar", "collarbone", "shoulder", "scapula", "肩"),
     "shoulder": ("arm", "upperarm", "uparm", "armupper", "humerus", "shoulder", "shldr", "shld", "腕"),
     "elbow": ("forearm", "lowerarm", "lowarm", "armlower", "loarm", "elbow", "radius", "ひじ", "肘"),
-    "wrist": ("hand", "wrist", "手首", "palm"),
+    "wrist": ("hand", "wrist", "手首", "palm", "fist"),
     "pelvis": ("hips", "pelvis", "hip", "腰", "センター"),
     "neck": ("neck", "necktwist", "necklower", "首"),
     "head": ("head", "skull", "頭"),
@@ -49,6 +49,8 @@ _HELP = (
     *("corrective", "prop", "weapon", "socket", "attachment", "dummy", "sec", "effector", "mch", "tweak"),
 )
 _COPY = ("org",)
+# What a name that is split by colons may begin with.
+_PIECES = frozenset(("leg", "arm", "foot", "hand", "left", "right", "upper", "lower", "spine", "body", "head", "neck"))
 _END = ("nub", "end", "leaf")
 # What names have in them that may be of a part, also of its ends and of what lies in it.
 _LIKE = {
@@ -107,8 +109,11 @@ def named(names: tuple[str, ...], part: str, side: str | None = None) -> list[in
 
 
 def _bare(name: str) -> str:
-    """Without the name of a skeleton before it, and with letters of half and full width alike."""
-    return unicodedata.normalize("NFKC", name.rsplit(":", 1)[-1])
+    """Without the names of skeletons before it, and with letters of half and full width alike."""
+    pieces = unicodedata.normalize("NFKC", name).split(":")
+    # Leg:Left:Upper is a name in three pieces, and no Upper of a skeleton called Leg.
+    own = next((k for k, piece in enumerate(pieces) if not _PIECES.isdisjoint(_words(piece))), len(pieces) - 1)
+    return "_".join(pieces[own:])
 
 
 def _words(name: str) -> list[str]:

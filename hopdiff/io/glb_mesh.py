@@ -1,4 +1,4 @@
-"""The skinned meshes of a GLB file: vertices, what holds them, and their edges.
+"""The meshes on a GLB file's skeleton, with a skin or hung on a joint: vertices, what holds them, and their edges.
 
 Khronos Group, glTF 2.0 specification (2021), section 3.7.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdiff.io.glb_accessors import Accessors, extension
-from hopdiff.io.glb_parse import BIN, GlbSkin, Matrix, ParsedGlb
+from hopdiff.io.glb_parse import BIN, GlbSkin, Matrix, ParsedGlb, local_matrix
 from hopdiff.io.glb_unpack import DRACO, unpacked_mesh
 
 TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of glTF's primitives
@@ -25,7 +25,7 @@ MOST_WEIGHTS = 8  # a vertex: sets of four that are read are two
 class SkinnedMesh:
     """name: of its node. vertices: (V, 3) in the mesh's own frame. joints: (V, K) of the skeleton, weights: (V, K) that
     add up to 1. inverse: (J, 4, 4) what takes the mesh into each joint's frame; 0 for joints that hold nothing. edges:
-    (E, 2) of its triangles, each once."""
+    (E, 2) of its triangles, each once. loose: how many more vertices of triangles no joint holds."""
 
     name: str
     vertices: Matrix
@@ -33,6 +33,7 @@ class SkinnedMesh:
     weights: Matrix
     inverse: Matrix
     edges: NDArray[np.int64]
+    loose: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ def skinned_meshes(file: ParsedGlb) -> Meshes:
     accessors = Accessors(content, file.chunks[0][1] if file.chunks and file.chunks[0][0] == BIN else None)
     skins = {skin.number: skin for skin in file.skins}
     found, unread, aside = [], list[str](), list[str]()
-    carried = _below(content, set(file.nodes))
+    carried = _carriers(file)
     for at, node in enumerate(content["nodes"]):
         if "mesh" not in node:
             continue
@@ -61,6 +62,8 @@ def skinned_meshes(file: ParsedGlb) -> Meshes:
         if skin is None:
             if at not in carried or "skin" in node:
                 aside.append(name)
+            else:
+                found += _hung(file, name, at, node["mesh"], carried[at], accessors)
             continue
         for primitive in _primitives(content, node["mesh"]):
             mesh = _mesh(name, primitive, skin, accessors, len(file.nodes))
@@ -69,6 +72,33 @@ def skinned_meshes(file: ParsedGlb) -> Meshes:
             elif name not in unread:
                 unread.append(name)
     return Meshes(tuple(found), tuple(unread), tuple(sorted(accessors.compressed)), tuple(aside))
+
+
+def _hung(file: ParsedGlb, name: str, at: int, index: Any, joint: int, accessors: Accessors) -> list[SkinnedMesh]:
+    """What can be read of a mesh without a skin, on a node `at` that hangs on a joint, as one that follows it."""
+    line, place = [at], np.eye(4)
+    parents = {child: k for k, node in enumerate(file.content["nodes"]) for child in node.get("children", ())}
+    while line[-1] != file.nodes[joint]:
+        line.append(parents[line[-1]])
+    for node in reversed(line[:-1]):
+        place = place @ local_matrix(file, node)
+    found = []
+    for primitive in _primitives(file.content, index):
+        attributes = primitive.get("attributes")
+        read = _attributes(primitive, attributes, accessors) if isinstance(attributes, dict) else None
+        if read is None:
+            continue
+        vertices = read[0]("POSITION")
+        if vertices is None or vertices.shape[1] != 3 or len(vertices) == 0:
+            continue
+        faces = read[1] if read[1] is not None else _faces(primitive, accessors, len(vertices))
+        if faces is None:
+            continue
+        inverse = np.zeros((len(file.nodes), 4, 4))
+        inverse[joint] = place
+        joints, ones = np.full((len(vertices), 1), joint, dtype=np.int64), np.ones((len(vertices), 1))
+        found.append(SkinnedMesh(name, vertices, joints, ones, inverse, _edges(faces)))
+    return found
 
 
 def _primitives(content: dict[str, Any], index: Any) -> list[dict[str, Any]]:
@@ -124,11 +154,11 @@ def _mesh(name: str, primitive: dict[str, Any], skin: GlbSkin, accessors: Access
         faces = _faces(primitive, accessors, len(vertices))
     if faces is None:
         return None
-    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    edges = np.unique(np.sort(pairs, axis=1), axis=0)
+    edges = _edges(faces)
     # What nothing holds goes nowhere.
+    loose = len(np.unique(edges[~held[edges]]))
     edges = (held.cumsum() - 1)[edges[held[edges].all(axis=1)]]
-    return SkinnedMesh(name, vertices[held], np.array(skin.joints)[which[held]], heavy[held], inverse, edges)
+    return SkinnedMesh(name, vertices[held], np.array(skin.joints)[which[held]], heavy[held], inverse, edges, loose)
 
 
 def _attributes(
@@ -145,6 +175,12 @@ def _attributes(
         return None
     found, faces = mesh
     return lambda name: accessors.scaled(attributes.get(name), found.get(name)), faces
+
+
+def _edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(E, 2) of faces (F, 3), each once."""
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
 def _faces(primitive: dict[str, Any], accessors: Accessors, count: int) -> NDArray[np.int64] | None:
@@ -166,12 +202,14 @@ def _faces(primitive: dict[str, Any], accessors: Accessors, count: int) -> NDArr
     return faces
 
 
-def _below(content: dict[str, Any], nodes: set[int]) -> set[int]:
-    """Nodes and all that hangs on them."""
-    found, waiting = set[int](), list(nodes)
+def _carriers(file: ParsedGlb) -> dict[int, int]:
+    """Nodes that hang on the skeleton, and the joint nearest above each."""
+    found: dict[int, int] = {}
+    waiting = [(node, joint) for joint, node in enumerate(file.nodes)]
+    own = set(file.nodes)
     while waiting:
-        node = waiting.pop()
+        node, joint = waiting.pop()
         if node not in found:
-            found.add(node)
-            waiting += content["nodes"][node].get("children", [])
+            found[node] = joint
+            waiting += [(child, joint) for child in file.content["nodes"][node].get("children", []) if child not in own]
     return found

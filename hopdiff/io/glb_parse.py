@@ -18,7 +18,7 @@ from hopdiff.types import HopdiffError
 Matrix = NDArray[np.float64]
 Chunks = tuple[tuple[int, bytes], ...]
 
-UNEVEN = 1e-3  # share by which the scales of a joint may differ between its axes
+UNEVEN = 0.03  # share by which the scales of a joint may differ between its axes: what nobody sees
 FLAT = 1e-9  # of its size to the third that the volume of a matrix must be for it to have an inverse
 LONGEST = 1e6  # of any number in a node: what is larger is no place in a character
 JSON, BIN = 0x4E4F534A, 0x004E4942  # kinds of chunks
@@ -60,6 +60,11 @@ def parse_glb(data: bytes, path: str) -> ParsedGlb:
     """The content and the skeleton of a file's bytes. path: for errors. Raises HopdiffError; see `read_glb`."""
     content, chunks = _split(data, path)
     return _Reader(content, path).parsed(chunks)
+
+
+def local_matrix(file: ParsedGlb, node: int) -> Matrix:
+    """(4, 4) what takes a node's frame into its parent's. Raises HopdiffError where its numbers make no sense."""
+    return _Reader(file.content, file.path).matrix(node)
 
 
 def _split(data: bytes, path: str) -> tuple[dict[str, Any], Chunks]:

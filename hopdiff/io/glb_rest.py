@@ -7,27 +7,32 @@ otherwise.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hopdiff.io.glb_parse import Matrix, ParsedGlb
+from hopdiff.io.glb_parse import GlbSkin, Matrix, ParsedGlb
 
 SAME = 1e-3  # of the body's size by which a joint may be off its bind pose and still stand in it
 TURNED = 2e-3  # and its axes, of their length
 
 
-def rest_poses(file: ParsedGlb) -> Iterator[Matrix]:
+def rest_poses(file: ParsedGlb, holding: Collection[int] = ()) -> Iterator[Matrix]:
     """Joints (J, 4, 4) in the world as they may have been when the mesh was bound to them, the likeliest first; then
-    as the nodes stand in the file."""
+    as the nodes stand in the file. holding: joints that hold some of the mesh, as far as that is known: programs write
+    anything for the others."""
     size = float(np.ptp(file.matrices[:, :3, 3], axis=0).max())
     main = next((skin for skin in file.skins if skin.inverse is not None and np.ptp(skin.inverse, axis=0).any()), None)
     found: list[Matrix] = []
     if main is not None and main.inverse is not None:
-        sound = main.inverse[:, 3, 3] != 0.0
+        sound = _sound(main, holding)
         joints, bound = np.array(main.joints)[sound], inverted(main.inverse[sound])
         world = file.matrices[joints]
         each = world @ main.inverse[sound]
+        if not len(joints):
+            yield file.matrices
+            return
         length = _lengths(file, joints, world) / np.maximum(_lengths(file, joints, bound), 1e-12)
         kept = length[np.isfinite(length) & (length > 0.0)]
         scale = float(np.median(kept)) if len(kept) else 1.0
@@ -38,26 +43,34 @@ def rest_poses(file: ParsedGlb) -> Iterator[Matrix]:
         for at in sorted(range(len(candidates)), key=lambda k: -agreeing[k])[: len(each)]:
             if any(_agreeing(candidates[at] @ bound, other[joints], size) == len(joints) for other in found):
                 continue
-            found.append(_whole(file, candidates[at] @ bound, joints, size))
+            found.append(_whole(file, candidates[at] @ bound, joints, size, holding))
             yield found[-1]
             if agreeing[at] == len(joints):
                 return
             if len(found) == 4:
                 break
         for guess in guesses:
-            found.append(_whole(file, guess @ bound, joints, size))
+            found.append(_whole(file, guess @ bound, joints, size, holding))
             yield found[-1]
     yield file.matrices
 
 
-def _whole(file: ParsedGlb, bound: Matrix, joints: Matrix, size: float) -> Matrix:
+def _sound(skin: GlbSkin, holding: Collection[int]) -> NDArray[np.bool_]:
+    """(N,) whose matrices tell where a joint of a skin was."""
+    assert skin.inverse is not None
+    used = np.array([not holding or joint in holding for joint in skin.joints])
+    found: NDArray[np.bool_] = used & (skin.inverse[:, 3, 3] != 0.0)
+    return found
+
+
+def _whole(file: ParsedGlb, bound: Matrix, joints: Matrix, size: float, holding: Collection[int] = ()) -> Matrix:
     """(J, 4, 4) of all joints, those of the first skin as bound (N, 4, 4). Nodes that stand in that pose already keep
     their own digits, and those of no skin stand against their parents as in the file."""
     known: dict[int, Matrix] = dict(zip(joints.tolist(), bound, strict=True))
     for skin in file.skins[1:]:
         if skin.inverse is None:
             continue
-        own = [k for k in range(len(skin.joints)) if skin.inverse[k, 3, 3] != 0.0]
+        own = np.flatnonzero(_sound(skin, holding)).tolist()
         shared = [k for k in own if skin.joints[k] in known]
         if not shared:
             continue
