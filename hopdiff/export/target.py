@@ -27,6 +27,7 @@ from hopdiff.messages import near
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
 
+UNLIKE = 0.1  # of a leg's longer bone that the other must be long at least
 UPRIGHT = 0.6  # of its length by which a leg must hang down for a body to stand
 NEAR_GROUND = 0.12  # of a leg's length up to which a foot's lowest joint may be above the sole
 
@@ -193,6 +194,14 @@ def target_of(
         if rotations is not None:
             rest = skeleton.forward(skeleton.offsets[0].double(), rotations.double())[1]
             target = Target(name, skeleton, found, rest, file)
+            for leg in target.legs:
+                thigh, shank = target.places[leg.knee] - target.places[leg.hip], target.shank(leg)
+                short, long = sorted((float(thigh.norm()), float(shank.norm())))
+                if short < UNLIKE * long:
+                    raise HopdiffError(
+                        f"{name} lacks a {leg.side} leg: {skeleton.names[leg.hip]!r} and {skeleton.names[leg.knee]!r} are"
+                        " no thigh and shank, one of them is hardly there."
+                    )
             if _stands(target):
                 return target
     raise HopdiffError(
