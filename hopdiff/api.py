@@ -111,8 +111,9 @@ def save(
     """Write runs for other programs: save(run, "out", "glb", "bvh_unreal"). Returns the files.
 
     exports: names of files in conf/export/. settings: written as on the command line ("exports.glb.cycles=4",
-    "retarget.skeleton=hero.glb"). GLB, FBX and HTML files hold all the runs, of other kinds there is a file for each.
-    Raises HopdiffError with one sentence if a setting cannot be, or a file cannot be written.
+    "retarget.skeleton=hero.glb"). GLB, FBX and HTML files, sprite sheets, events and blend spaces hold all the
+    runs; of other kinds there is a file for each. Raises HopdiffError with one sentence if a setting cannot be, or a
+    file cannot be written.
     """
     if strange := [name for name in exports if not isinstance(name, str)]:
         raise HopdiffError(f"save takes names of exports one by one, save(run, folder, 'glb'), not {strange[0]!r}.")

@@ -62,9 +62,10 @@ SCHEMES: Mapping[str, Mapping[str, str]] = {
         },
     },
 }
+SPINE = ("pelvis", "waist", "chest", "upper_chest", "neck", "head")  # the line of the back
 # Parts of which each hangs on the one before, whatever lies between.
 CHAINS = (
-    ("pelvis", "waist", "chest", "upper_chest", "neck", "head"),
+    SPINE,
     *(("pelvis", *(f"{side}_{part}" for part in ("collar", "shoulder", "elbow", "wrist"))) for side in SIDES),
     *(("pelvis", *(f"{side}_{part}" for part in ("hip", "knee", "ankle", "toe"))) for side in SIDES),
 )

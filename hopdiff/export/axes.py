@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from hopdiff.export.anatomy import parts_of
+from hopdiff.export.anatomy import SPINE, parts_of
 from hopdiff.geometry.joint_names import SIDES
 from hopdiff.geometry.skeleton import Skeleton
 
@@ -18,8 +18,6 @@ AXES = ("world", "bone", "mixamo", "unreal")
 SHORT = 1e-6  # m: shorter bones have no direction
 SIMILAR = 0.05  # of a unit vector's square that a second direction must be off the first
 
-# The line of the back: where several joints hang on one of it, its bone leads to the next.
-_TRUNK = ("pelvis", "waist", "chest", "upper_chest", "neck", "head")
 _FOOT, _ARM = ("ankle", "toe"), ("collar", "shoulder", "elbow", "wrist")
 _LEFT, _UP, _AHEAD = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -103,7 +101,8 @@ def _bone(skeleton: Skeleton, joint: int, parts: dict[int, str]) -> Tensor:
     """(3,) from a joint to the one that goes on from it, to its end, or on from its parent; up if there is none."""
     children = [child for child in skeleton.children(joint) if float(skeleton.offsets[child].norm()) > SHORT]
     end = skeleton.end_sites.get(skeleton.names[joint])
-    above = _TRUNK[_TRUNK.index(parts[joint]) + 1 :] if parts.get(joint) in _TRUNK else ()
+    # Where several joints hang on one of the back, its bone leads to the next of the back.
+    above = SPINE[SPINE.index(parts[joint]) + 1 :] if parts.get(joint) in SPINE else ()
     if back := [child for child in children if parts.get(child) in above]:
         line = skeleton.offsets[back[0]]
     elif children:

@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 
 from hopdiff.export.anatomy import parts_of
-from hopdiff.export.contact_events import contact_events, root_motion
-from hopdiff.export.glb import same_body
+from hopdiff.export.contact_events import DIGITS, contact_events, root_motion
+from hopdiff.export.glb import bodies_of
 from hopdiff.export.prepare import in_place
 from hopdiff.export.take import Take
 from hopdiff.geometry.joint_names import SIDES
@@ -26,7 +26,6 @@ from hopdiff.types import HopdiffError
 
 FLAT = 0.01  # m above where it is lowest up to which the ball of a standing foot lies on the ground
 STRAIGHT = 1e-6  # rad: less than that is no turn
-DIGITS = 6  # behind the point, of numbers in files
 
 
 Place = tuple[float, float, float]
@@ -57,8 +56,10 @@ class BlendSpace:
                 raise HopdiffError(f"{clips[place].name} and {take.name} are both of {at}: leave one of them out.")
             if take.frames != takes[0].frames or not take.loop:
                 raise HopdiffError(f"{take.name} is no loop of as many keys as {takes[0].name}: set keys.")
-            if not same_body(take.clip.skeleton, takes[0].clip.skeleton):
-                raise HopdiffError(f"{take.name} is of another body than {takes[0].name}.")
+            if len(bodies_of([takes[0], take])[0]) > 1:
+                raise HopdiffError(
+                    f"{take.name} is of another body than {takes[0].name}: bones, ends or masses differ."
+                )
             clips[place] = take if take.way is not None else in_place(take)
         speeds, betas, turns = (tuple(sorted({place[axis] for place in clips})) for axis in range(len(AXES)))
         return cls(speeds, betas, turns, clips)
@@ -127,7 +128,10 @@ def blend(takes: Sequence[Take], weights: Sequence[float]) -> Take:
         return found
 
     duration = float(mean([torch.tensor(clip.duration).double() for clip in clips]))
-    offsets = None if first.clip.offsets is None else mean([clip.offsets for clip in clips if clip.offsets is not None])
+    offsets = None
+    if any(clip.offsets is not None for clip in clips):
+        still = [clip.skeleton.offsets.expand(clip.frames, -1, -1) for clip in clips]
+        offsets = mean([one if clip.offsets is None else clip.offsets for clip, one in zip(clips, still, strict=True)])
     clip = replace(
         first.clip,
         root_position=mean([clip.root_position for clip in clips]),

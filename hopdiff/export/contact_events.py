@@ -73,7 +73,7 @@ def _of_foot(take: Take, side: int) -> list[tuple[float, bool, tuple[float, ...]
             time, standing = _at_zero_force(take, side, frame, down), frame if down else frame - 1
             if take.loop and time > last - SAME:
                 # With the last frame of a loop it begins again.
-                time, standing = 0.0, 0 if down else standing
+                time, standing = 0.0, 0
             place = None if take.feet is None else tuple(take.feet[standing, side].tolist())
             found.append((time, down, place))
     return found

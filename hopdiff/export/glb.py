@@ -20,6 +20,7 @@ from hopdiff import __version__
 from hopdiff.export.axes import joint_axes
 from hopdiff.export.body.loft import Surface
 from hopdiff.export.body_mesh import body_mesh
+from hopdiff.export.colours import COLOURS, linear
 from hopdiff.export.contact_events import told
 from hopdiff.export.pose import root_height
 from hopdiff.export.take import Take
@@ -28,7 +29,6 @@ from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.io.files import write_whole
 from hopdiff.types import HopdiffError
 
-COLOURS = {"left": "#0072B2", "right": "#D55E00", "middle": "#8C92A0"}  # those of the pictures
 STILL = 1e-9  # m or of a quaternion by which a channel may vary and still be written as two keys
 ALIKE = 1e-6  # m by which the bones of one skeleton may differ
 FLOAT, BYTE, SHORT, INT = 5126, 5121, 5123, 5125  # component types of glTF
@@ -268,8 +268,7 @@ def _above(skeleton: Skeleton, axes: Tensor) -> Tensor:
 
 def _material(side: str) -> dict[str, Any]:
     # Colours of materials are linear in glTF, not as on screen.
-    linear = [(int(COLOURS[side][k : k + 2], 16) / 255.0) ** 2.2 for k in (1, 3, 5)]
-    shade = {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.7}
+    shade = {"baseColorFactor": [*linear(side).tolist(), 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.7}
     return {"name": side, "pbrMetallicRoughness": shade}
 
 

@@ -9,13 +9,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hopdiff.export.contact_events import ContactEvent, contact_events
+from hopdiff.export.contact_events import SAME, ContactEvent, contact_events
 from hopdiff.export.ground import ground_path
 from hopdiff.export.take import PLACES, Take, closes
 from hopdiff.geometry.joint_names import SIDES
 from hopdiff.types import HopdiffError
-
-SAME = 1e-6  # frames by which times may differ and be the same
 
 
 def one_stride(take: Take, keys: int) -> Take:

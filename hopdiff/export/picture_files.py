@@ -7,6 +7,7 @@ JSON (hash) and that Aseprite writes, too.
 from __future__ import annotations
 
 import io
+import itertools
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +23,6 @@ from hopdiff.export.take import Take
 from hopdiff.export.views import View, views_of
 from hopdiff.export.write import plain
 from hopdiff.io.files import whole_file, whole_folder, write_whole
-from hopdiff.io.run_folder import WRITTEN
 from hopdiff.types import HopdiffError
 
 WIDE = 4096  # pixels that a sheet is wide at most where nobody says how many columns it has
@@ -96,13 +96,6 @@ def write_sprites(path: Path, takes: Sequence[Take], settings: ExportSettings) -
         index_file.write(json.dumps(index, indent=1, allow_nan=False) + "\n")
 
 
-def check_sprites(settings: ExportSettings) -> None:
-    """Raises HopdiffError if the index would have the name of another file of a run."""
-    name = f"{(settings.file or '').removesuffix('.png')}.json"
-    if name in WRITTEN:
-        raise HopdiffError(f"exports: file={settings.file} of a sprite sheet needs another name, {name} is the run's.")
-
-
 def _stage(takes: Sequence[Take], settings: ExportSettings) -> Stage:
     return Stage.of(takes, views_of(settings.view, "view"), settings.size, centred=settings.root == "in_place")
 
@@ -120,10 +113,11 @@ def _index(
     pivot = {"x": stage.pivot[0] / stage.width, "y": stage.pivot[1] / stage.height}
     frames: dict[str, Any] = {}
     animations: dict[str, list[str]] = {}
-    tags = []
+    tags: list[dict[str, Any]] = []
+    names = dict(zip(stage.figures, _told_apart([plain(figure.take.name) for figure in stage.figures]), strict=True))
     for (figure, view), row in firsts.items():
         take = figure.take
-        tag = plain(take.name) + (f"_{view.name}" if len(stage.views) > 1 else "")
+        tag = names[figure] + (f"_{view.name}" if len(stage.views) > 1 else "")
         animations[tag] = [f"{tag}_{frame:04d}" for frame in range(1, shown(take) + 1)]
         tags.append(
             {"name": tag, "from": len(frames), "to": len(frames) + shown(take) - 1, "direction": "forward"}
@@ -153,6 +147,16 @@ def _index(
         "pixels_per_metre": stage.scale,
     }
     return {"frames": frames, "animations": animations, "meta": meta}
+
+
+def _told_apart(names: Sequence[str]) -> list[str]:
+    """Names of which no two are alike: those that are get numbers that no other name has."""
+    found: list[str] = []
+    for name in names:
+        numbered = (f"{name}_{number}" for number in itertools.count(1))
+        free = (one for one in numbered if one not in found and one not in names)
+        found.append(name if names.count(name) == 1 else next(free))
+    return found
 
 
 def _told(take: Take, scale: float) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from hopdiff.export.body.loft import Surface, joined
 from hopdiff.export.body_mesh import body_mesh
-from hopdiff.export.glb import COLOURS
-from hopdiff.export.raster import GAMMA, drawn
+from hopdiff.export.colours import linear
+from hopdiff.export.raster import drawn
 from hopdiff.export.skinning import joint_matrices, skinned, skinned_normals
 from hopdiff.export.take import Take
 from hopdiff.export.views import View
@@ -56,7 +56,7 @@ class Figure:
         if not all(bool(values.isfinite().all()) for values in (take.clip.root_position, take.clip.rotations)):
             raise HopdiffError(f"cannot draw {take.name}: the motion holds a number that is not finite.")
         body = joined(list(surfaces.values()))
-        colours = [np.tile(_linear(COLOURS[side]), (len(one.vertices), 1)) for side, one in surfaces.items()]
+        colours = [np.tile(linear(side), (len(one.vertices), 1)) for side, one in surfaces.items()]
         size = np.ptp(body.vertices, axis=0)
         # Some files have a rest pose that lies down.
         return cls(take, body, np.concatenate(colours), max(float(size[1]), 0.5 * float(size.max())))
@@ -131,9 +131,3 @@ class Stage:
                 )
                 for view in self.views
             ]
-
-
-def _linear(colour: str) -> Floats:
-    """(3,) of a colour as #rrggbb."""
-    shares: Floats = np.array([int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]) ** GAMMA
-    return shares

@@ -83,7 +83,8 @@ def _filled(name: str, take: Take) -> str:
     """A name with what stands in braces filled in."""
 
     def value(match: re.Match[str]) -> str:
-        found = take.name if match[1] == "name" else take.numbers.get(match[1])
+        # Runs without a turn go straight on.
+        found = {"turn": 0.0, **take.numbers, "name": take.name}.get(match[1])
         if found is None:
             raise HopdiffError(f"clip={name}: {match[1]} of {take.name} is not known.")
         return f"{found:g}" if isinstance(found, float) else str(found)

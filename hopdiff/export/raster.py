@@ -9,13 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdiff.export.colours import GAMMA
+
 Floats = NDArray[np.float64]
 
 OVER = 4  # samples along a side of a pixel
 SAMPLES = 500_000  # that are drawn at once, which bounds the memory
 LIGHT = np.array([0.40, 0.72, 0.57])  # towards the lamp: right, up, towards the eye
 LAMP, SKY, GROUND, RIM = 0.75, 0.42, 0.16, 0.15  # shares of light from it, from above, from below, and along the rim
-GAMMA = 2.2  # between linear colours and those of files, as in hopdiff.export.glb
 BLEED = 2  # pixels by which colours reach into what is transparent
 
 

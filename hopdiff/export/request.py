@@ -30,6 +30,6 @@ class Exports:
         for name, settings in files.items():
             settings.check(name)
         retarget.check_clip("retarget")
-        different([settings.file_name(name) for name, settings in files.items()])
+        different([file for name, settings in files.items() for file in settings.files(name)])
         target = None if retarget.skeleton is None else read_target(retarget.skeleton, retarget.names)
         return cls(files, target, retarget)

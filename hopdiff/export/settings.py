@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from hopdiff.doors import FORMATS
@@ -14,6 +15,7 @@ from hopdiff.export.format import Format
 from hopdiff.export.pose import ARMS
 from hopdiff.export.views import views_of
 from hopdiff.io.bvh import EULER_ORDERS
+from hopdiff.io.run_folder import WRITTEN
 from hopdiff.messages import choose
 from hopdiff.models.gait import LEAST_FRAMES
 from hopdiff.types import HopdiffError
@@ -22,7 +24,7 @@ UNITS = {"m": 1.0, "cm": 100.0}  # file units in a metre
 MAX_FPS = 1000.0
 MAX_CYCLES, MAX_KEYS = 10_000, 10_000
 SIZES = (8, 2048)  # pixels
-IN_NAMES = ("name", "speed", "beta")  # what names of clips may be made of
+IN_NAMES = ("name", "speed", "beta", "turn")  # what names of clips may be made of
 JOINTS, FRAMES, ROOTS, TOGETHER = (
     ("full", "model"),
     ("whole", "exact"),
@@ -41,8 +43,9 @@ class ClipSettings:
     from one touchdown of the left foot to the next in this many equal parts, as blends of clips want it; null leaves
     it.
     root: travelling or in_place. cycles: how often a loop is laid end to end. mirrored: left and right change places.
-    clip: name of the clip, in which {name}, {speed} and {beta} stand for those of the run; a list for several clips;
-    null leaves the run's name. loop_suffix: whether names of loops end in -loop, by which Godot's importer knows them.
+    clip: name of the clip, in which {name}, {speed}, {beta} and {turn} stand for those of the run (a turn of 0 where
+    it has none); a list for several clips; null leaves the run's name. loop_suffix: whether names of loops end in
+    -loop, by which Godot's importer knows them.
     """
 
     fps: float | None = None
@@ -149,6 +152,8 @@ class ExportSettings(ClipSettings):
             raise HopdiffError(f"{where}.columns must be 1 or more, not {self.columns}.")
         if self.file is not None and not re.fullmatch(r"[^/\\:*?\"<>|\x00-\x1f]+", self.file):
             raise HopdiffError(f"{where}.file must be the name of a file without its folder, not {self.file!r}.")
+        if (own := next((one for one in WRITTEN if one in map(str.lower, self.files(name))), None)) is not None:
+            raise HopdiffError(f"{where}.file={self.file_name(name)} needs another name, {own} is the run's.")
         if (check := self.format.check) is not None:
             check(self)
 
@@ -157,6 +162,11 @@ class ExportSettings(ClipSettings):
         ending, others = self.format.suffix, self.format.others
         given = self.file or f"motion_{name}"
         return given if given.lower().endswith((ending, *others)) else given + ending
+
+    def files(self, name: str) -> list[str]:
+        """The names of the file of exports.NAME, and of what is written beside it."""
+        file = self.file_name(name)
+        return [file, *(Path(file).with_suffix(suffix).name for suffix in self.format.beside)]
 
     @property
     def format(self) -> Format:

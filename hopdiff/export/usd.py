@@ -21,7 +21,7 @@ except ImportError:
 from hopdiff import __version__
 from hopdiff.export.body.loft import Surface, joined
 from hopdiff.export.body_mesh import body_mesh
-from hopdiff.export.glb import COLOURS
+from hopdiff.export.colours import linear
 from hopdiff.export.pose import root_height
 from hopdiff.export.skinning import joint_matrices, skinned
 from hopdiff.export.take import Take
@@ -158,7 +158,7 @@ def _add_mesh(stage: Any, side: str, surface: Surface, root: Floats, skeleton: A
     joints, weights = (values.reshape(-1) for values in (surface.joints, surface.weights))
     binding.CreateJointIndicesPrimvar(False, width).Set(Vt.IntArray.FromNumpy(joints.astype(np.int32)))
     binding.CreateJointWeightsPrimvar(False, width).Set(Vt.FloatArray.FromNumpy(weights.astype(np.float32)))
-    colour = Gf.Vec3f(*((int(COLOURS[side][k : k + 2], 16) / 255.0) ** 2.2 for k in (1, 3, 5)))
+    colour = Gf.Vec3f(*linear(side).tolist())
     mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([colour])
     material = UsdShade.Material.Define(stage, f"{BODY}/materials/{side}")
     shader = UsdShade.Shader.Define(stage, f"{BODY}/materials/{side}/surface")

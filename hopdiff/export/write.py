@@ -20,9 +20,10 @@ def write_exports(
 ) -> list[tuple[Path, Take]]:
     """Write takes in every wanted form; returns the files, each with the first motion in it.
 
-    exports: checked settings by name. GLB, FBX and HTML files hold all takes, of the other kinds there is a file for
-    each. All motions are made before the first file is written. Raises HopdiffError, naming the setting, for what a
-    motion does not allow, for two files of one name, or a file that cannot be written.
+    exports: checked settings by name. GLB, FBX and HTML files, sprite sheets, events and blend spaces hold all takes;
+    of the other kinds there is a file for each. All motions are made before the first file is written. Raises
+    HopdiffError, naming the setting, for what a motion does not allow, for two files of one name, or a file that cannot
+    be written.
     """
     jobs: list[tuple[str, Path, list[Take], ExportSettings]] = []
     for name, settings in exports.items():

@@ -7,7 +7,7 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -61,8 +61,13 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     except OSError as error:
         raise HopdiffError(f"cannot write {target}: {_reason(error)}.") from error
     finally:
-        for folder in (draft, old):
-            shutil.rmtree(folder, ignore_errors=True)
+        if old.exists() and not target.exists():
+            # Where even that is refused, better under a strange name than lost.
+            with suppress(OSError):
+                os.replace(old, target)
+        else:
+            shutil.rmtree(old, ignore_errors=True)
+        shutil.rmtree(draft, ignore_errors=True)
 
 
 def read_text(path: str | os.PathLike[str]) -> str:

@@ -88,6 +88,16 @@ def test_a_blend_is_between_its_clips() -> None:
             np.testing.assert_allclose(half.clip.rotations[frame, joint].numpy(), middle, atol=1e-9)
 
 
+def test_a_blend_of_bones_that_stay_with_some_that_move() -> None:
+    first, _, third, _ = space().clips.values()
+    bones = first.clip.skeleton.offsets.expand(first.frames, -1, -1).clone()
+    moving = replace(first, clip=replace(first.clip, offsets=1.2 * bones))
+    for pair, share in (((moving, third), 0.25), ((third, moving), 0.75)):
+        found = blend(pair, (share, 1.0 - share)).clip.offsets
+        assert found is not None
+        torch.testing.assert_close(found[:, 1:], 1.05 * bones[:, 1:], atol=1e-9, rtol=0)
+
+
 def test_sliding_is_how_fast_standing_feet_move() -> None:
     """A body that goes too far for its feet by a tenth slides by a tenth of its speed."""
     take = space().clips[3.0, 0.2, 0.0]
@@ -123,9 +133,14 @@ def test_what_cannot_be_blended_is_refused(tmp_path: Path) -> None:
     clips = list(space().clips.values())
     body = clips[1].clip.skeleton
     tall = replace(clips[1], clip=replace(clips[1].clip, skeleton=replace(body, offsets=1.1 * body.offsets)))
+    heavy = replace(clips[1], masses={part: 2.0 * mass for part, mass in (clips[1].masses or {}).items()})
+    ends = {name: 1.1 * end for name, end in body.end_sites.items()}
+    long = replace(clips[1], clip=replace(clips[1].clip, skeleton=replace(body, end_sites=ends)))
     for takes, message in (
         ([clips[0], replace(clips[0], name="b")], r"run_3_0.2 and b are both of speed 3, beta 0.2 and turn 0"),
         ([clips[0], tall], r"run_3_0.7 is of another body than run_3_0.2"),
+        ([clips[0], heavy], r"run_3_0.7 is of another body than run_3_0.2"),
+        ([clips[0], long], r"run_3_0.7 is of another body than run_3_0.2"),
         ([replace(clips[0], numbers={})], r"run_3_0.2 has no place in a blend space: its speed is not known"),
         ([clips[0], replace(clips[1], loop=False)], r"run_3_0.7 is no loop of as many keys"),
     ):

@@ -295,3 +295,62 @@ def test_skeletons_that_are_no_body_get_plain_bones() -> None:
     surfaces = body_mesh(chain)
     assert list(surfaces) == ["middle"]
     assert set(surfaces["middle"].joints[:, 0].tolist()) == {0, 1, 2}
+
+
+def folded(skeleton: Skeleton, kind: str) -> Skeleton:
+    """A skeleton whose bones lie so that some direction or length of its body is not there."""
+    offsets, names = skeleton.offsets.clone().double(), skeleton.names
+    match kind:
+        case "ankle at the knee":
+            for side in ("left", "right"):
+                offsets[names.index(f"{side}_ankle")] = 0.0
+        case "ankle nearly at the knee":
+            for side in ("left", "right"):
+                offsets[names.index(f"{side}_ankle")] *= 1e-5
+        case "forearm back":
+            for side in ("left", "right"):
+                offsets[names.index(f"{side}_wrist")] = -0.7 * offsets[names.index(f"{side}_elbow")]
+        case "shank back":
+            for side in ("left", "right"):
+                offsets[names.index(f"{side}_ankle")] = -0.9 * offsets[names.index(f"{side}_knee")]
+        case "along x" | "along y" | "along z":
+            axis = "xyz".index(kind[-1])
+            length = offsets.norm(dim=-1)
+            offsets = torch.zeros_like(offsets)
+            offsets[:, axis] = length
+        case "in one point":
+            offsets = torch.zeros_like(offsets)
+        case "hips together":
+            for side in ("left", "right"):
+                offsets[names.index(f"{side}_hip")] = 0.0
+        case "shoulders together":
+            for side in ("left", "right"):
+                for part in ("collar", "shoulder"):
+                    if f"{side}_{part}" in names:
+                        offsets[names.index(f"{side}_{part}")] = 0.0
+        case "flat":
+            offsets[:, 1] = 0.0
+        case "thin":
+            offsets[:, 0] = 0.0
+    return Skeleton(names, skeleton.parents, offsets, skeleton.end_sites if kind != "in one point" else {})
+
+
+HEAPS = ["ankle at the knee", "ankle nearly at the knee", "forearm back", "shank back", "along x", "along y", "along z"]
+HEAPS += ["in one point", "hips together", "shoulders together", "flat", "thin"]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", HEAPS)
+@pytest.mark.parametrize("ends", [True, False])
+def test_heaps_of_bones_get_finite_bodies_or_none(kind: str, ends: bool) -> None:
+    human, masses = character_of("human")
+    for known in (masses, None):
+        skeleton = folded(human, kind)
+        if not ends:
+            skeleton = Skeleton(skeleton.names, skeleton.parents, skeleton.offsets, {})
+        for side, surface in body_mesh(skeleton, known).items():
+            assert bool(np.isfinite(surface.vertices).all()), side
+            assert bool(np.isfinite(surface.normals).all()), side
+            assert bool((surface.weights >= 0.0).all()), side
+            np.testing.assert_allclose(surface.weights.sum(axis=-1), 1.0, atol=1e-9, err_msg=side)
+            assert float(np.abs(surface.vertices).max()) < 100.0, side

@@ -102,3 +102,21 @@ def test_files_hold_them(tmp_path: Path) -> None:
     assert clip["root_motion"]["distance"][-1] == pytest.approx(3.0 * clip["duration"], rel=0.01)
     extras = Gltf.of(glb.read_bytes()).animation("Run")["extras"]
     assert (extras["events"], extras["root_motion"]) == (clip["events"], clip["root_motion"])
+
+
+@pytest.mark.parametrize("name", ["LeftDown", "LeftUp", "RightDown", "RightUp"])
+@pytest.mark.parametrize("force", [True, False])
+def test_what_falls_on_the_seam_of_a_loop_is_where_the_loop_begins(name: str, force: bool) -> None:
+    """The run of `own` begun anew at each of its contacts: the first one is where it was in the whole run."""
+    whole = own() if force else replace(own(), leg_force=None)
+    event = next(event for event in contact_events(whole) if event.name == name)
+    twice, step = whole.repeated(2), whole.clip.frame_time
+    cut = twice.at(event.time / step + torch.arange(whole.frames, dtype=torch.float64), step)
+    assert cut.contact is not None
+    # Touchdowns belong to the contact, take-offs do not.
+    contact = cut.contact.clone()
+    contact[[0, -1], ("left", "right").index(event.foot)] = event.down
+    cut = replace(cut, contact=contact, leg_force=None)
+    [found] = [one for one in contact_events(cut) if one.name == name]
+    assert event.position is not None
+    assert (found.time, found.position) == (0.0, pytest.approx(event.position, abs=0.15))

@@ -35,7 +35,7 @@ def read(path: Path) -> NDArray[np.int64]:
 
 def written(folder: Path, name: str, *overrides: str, take: Take | None = None) -> tuple[Path, ExportSettings]:
     settings = preset(name, f"size={SIZE}", *overrides)
-    [(path, _)] = write_exports([own() if take is None else take], {name: settings}, folder)
+    (path, _), *_ = write_exports([own() if take is None else take], {name: settings}, folder)
     return path, settings
 
 
@@ -239,7 +239,8 @@ def test_motions_share_a_sheet_and_a_scale(tmp_path: Path) -> None:
     )
     settings = preset("sprites", "fps=20", f"size={SIZE}")
     walk = Take.of_clip("walk", walked().clip.part(slice(0, 20)), {})
-    [(path, _)] = write_exports([own(), child, walk], {"sprites": settings}, tmp_path)
+    (path, _), (index_path, _) = write_exports([own(), child, walk], {"sprites": settings}, tmp_path)
+    assert index_path == path.with_suffix(".json")
     sheet, index = read(path), json.loads(path.with_suffix(".json").read_text())
     assert [tag["name"] for tag in index["meta"]["frameTags"]] == ["run", "child", "walk"]
     heights = []
@@ -251,6 +252,18 @@ def test_motions_share_a_sheet_and_a_scale(tmp_path: Path) -> None:
     assert [("pixels_per_second" in tag) for tag in index["meta"]["frameTags"]] == [True, False, False]
 
 
+def test_motions_whose_names_are_alike_in_files_are_numbered_in_the_index(tmp_path: Path) -> None:
+    takes = [replace(own(), name=name) for name in ("a b", "a_b", "a_b_1", "c")]
+    settings = preset("sprites", "fps=20", "size=16")
+    (path, _), *_ = write_exports(takes, {"sprites": settings}, tmp_path)
+    index = json.loads(path.with_suffix(".json").read_text())
+    tags = [tag["name"] for tag in index["meta"]["frameTags"]]
+    assert len(set(tags)) == len(index["animations"]) == 4
+    assert tags[2:] == ["a_b_1", "c"]
+    assert len(index["frames"]) == sum(len(names) for names in index["animations"].values())
+    assert len({(one["frame"]["x"], one["frame"]["y"]) for one in index["frames"].values()}) == len(index["frames"])
+
+
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
@@ -260,7 +273,7 @@ def test_motions_share_a_sheet_and_a_scale(tmp_path: Path) -> None:
         ("view=profile", "Unknown exports.sprites.view 'profile'"),
         ("view=[side,side]", "exports.sprites.view has the view 'side' twice"),
         ("view=[0,120]", "exports.sprites.view: an elevation lies between"),
-        ("file=metrics.png", r"metrics\.json is the run's"),
+        ("file=metrics.png", r"exports\.sprites\.file=metrics\.png needs another name, metrics\.json is the run's"),
     ],
 )
 def test_settings_that_cannot_be_get_one_sentence(setting: str, message: str) -> None:

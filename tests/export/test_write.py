@@ -11,7 +11,8 @@ import torch
 from hopdiff.composing import compose
 from hopdiff.export.full_body import full_body
 from hopdiff.export.prepare import prepared
-from hopdiff.export.settings import ExportSettings
+from hopdiff.export.request import Exports
+from hopdiff.export.settings import ExportSettings, RetargetSettings
 from hopdiff.export.write import distinct, plain, write_exports
 from hopdiff.io.bvh import read_bvh
 from hopdiff.types import HopdiffError
@@ -177,3 +178,37 @@ def test_clips_are_called_as_one_likes(tmp_path: Path) -> None:
             names(setting)
     with pytest.raises(HopdiffError, match=r"clip=v\{speed\}: speed of unknown is not known"):
         write_exports([replace(own(), name="unknown", numbers={})], {"g": preset("glb", "clip='v{speed}'")}, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("kind", "file", "own_file"),
+    [
+        ("events", "metrics.json", "metrics.json"),
+        ("events", "Status", "status.json"),
+        ("events", "genes.JSON", "genes.json"),
+        ("blendspace", "metrics.glb", "metrics.json"),
+        ("npz", "motion", "motion.npz"),
+        ("frames", "config.yaml", "config.yaml"),
+        ("apng", "strip.png", "strip.png"),
+    ],
+)
+def test_no_export_takes_the_name_of_a_file_of_the_run(kind: str, file: str, own_file: str) -> None:
+    message = rf"exports\.{kind}\.file={file}[\w.]* needs another name, {own_file} is the run's"
+    with pytest.raises(HopdiffError, match=message):
+        preset(kind, f"file={file}")
+
+
+def test_what_is_written_beside_a_file_is_no_other_export() -> None:
+    files = {"sprites": preset("sprites", "file=hero.png"), "events": preset("events", "file=hero.json")}
+    with pytest.raises(HopdiffError, match=r"two exports are called 'hero\.json'"):
+        Exports.build(files, RetargetSettings())
+    for name in ("sprites", "events"):
+        assert Exports.build({name: files[name]}, RetargetSettings())
+
+
+def test_names_of_clips_hold_the_turn(tmp_path: Path) -> None:
+    takes = [own(), replace(own(), numbers={**own().numbers, "turn": 40.0})]
+    settings = preset("glb", "clip='{speed}_{beta}_{turn}'")
+    [(path, _)] = write_exports(takes, {"glb": settings}, tmp_path)
+    names = [one["name"] for one in Gltf.of(path.read_bytes()).content["animations"]]
+    assert names == ["3_0.2_0", "3_0.2_40"]

@@ -117,3 +117,23 @@ def test_folders_appear_whole_or_not_at_all(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.rglob("*")] == ["pictures", "c"]
     with pytest.raises(HopdiffError, match=r"cannot write .*nowhere"), whole_folder(tmp_path / "nowhere" / "b"):
         pass
+
+
+def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target, real = tmp_path / "pictures", os.replace
+    target.mkdir()
+    (target / "a").write_text("1")
+
+    def refused(source: Path, place: Path) -> None:
+        # The drafted folder cannot be moved into place; what was there before can be moved back.
+        if (Path(source) / "b").exists():
+            raise PermissionError(13, "Permission denied")
+        real(source, place)
+
+    monkeypatch.setattr(os, "replace", refused)
+    with (
+        pytest.raises(HopdiffError, match=r"cannot write .*pictures: permission denied"),
+        whole_folder(target) as folder,
+    ):
+        (folder / "b").write_text("2")
+    assert [path.name for path in tmp_path.rglob("*")] == ["pictures", "a"]

@@ -175,7 +175,11 @@ def test_a_blend_space_shows_what_its_point_says(tmp_path: Path, takes: list[Tak
     with opened(file) as (page, errors, requests):
         page.wait_for_timeout(500)
         assert page.evaluate("hopdiff.distance") > 0.2
+        # Without a graphics card what moves is drawn with fewer pixels, and what stands still with all.
+        wide = "document.getElementById('canvas').width"
+        moving = page.evaluate(wide)
         page.evaluate("hopdiff.pause()")
+        assert moving < 0.8 * page.evaluate(wide)
         for speed, beta, weights in (
             (3.0, 0.2, (1.0, 0.0, 0.0, 0.0)),
             (4.0, 0.45, (0.25, 0.25, 0.25, 0.25)),
@@ -203,7 +207,7 @@ def test_a_blend_space_shows_what_its_point_says(tmp_path: Path, takes: list[Tak
 
 
 def test_a_blend_space_with_turns_goes_round(tmp_path: Path, takes: list[Take]) -> None:
-    from experiments.exports.in_browser import opened
+    from experiments.exports.in_browser import in_colour, opened
     from hopdiff.export.blend_page import blend_page
     from hopdiff.export.blend_space import BlendSpace
     from hopdiff.export.one_stride import one_stride
@@ -222,6 +226,15 @@ def test_a_blend_space_with_turns_goes_round(tmp_path: Path, takes: list[Take]) 
             page.evaluate("hopdiff.setPhase(0.5)")
             after = page.evaluate("hopdiff.heading")
             assert after - before == pytest.approx(math.radians(0.5 * turn * straight.clip.duration), abs=1e-6)
+        seen = []
+        for phase in (0, 1):
+            # The same pose after a stride that turned by some 30 degrees.
+            page.evaluate(f"hopdiff.setPhase({phase})")
+            page.click("[data-view=front]")
+            page.wait_for_timeout(300)
+            seen.append(in_colour(page))
+        assert seen[0].mean() > 0.03
+        assert float((seen[0] != seen[1]).sum()) < 0.02 * float(seen[0].sum())
         assert errors == []
 
 

@@ -37,6 +37,8 @@ def foot(body: Build, side: str) -> None:
         return
     joint, toe = body.parts[f"{side}_ankle"], body.parts.get(f"{side}_toe")
     ankle, size = body.places[joint], 1.16 * body.bone(f"{side}_knee", f"{side}_ankle")  # of shank and foot together
+    if size < SHORT:
+        return
     ball = None if toe is None else body.places[toe]
     tip = body.end(joint if toe is None else toe)
     far = tip if tip is not None else ball

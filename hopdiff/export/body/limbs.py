@@ -79,6 +79,7 @@ THUMB = np.array(
 LEG_RINGS = ((0.02, 0.12, 0.27, 0.45, 0.63, 0.78, 0.88, 0.94), (0.0, 0.06, 0.13, 0.22, 0.33, 0.46, 0.62, 0.8, 0.95))
 ARM_RINGS = ((0.02, 0.12, 0.27, 0.5, 0.72, 0.86, 0.94), (0.0, 0.07, 0.16, 0.3, 0.48, 0.68, 0.86, 0.97))
 BEND = 0.98  # thicknesses of a joint over which its skin passes from one bone to the next, either way
+FOLDED = 1e-3  # length of the sum of two unit vectors below which it has no direction
 JOINT = 0.95  # size of the ball in a bent joint against the skin about it
 
 
@@ -211,8 +212,10 @@ class _Bones:
     def joint(self) -> Shape:
         """A ball about the middle joint: skin that bends would sink in there."""
         wide, tall = JOINT * 0.5 * self.middle[:2].sum(), JOINT * float(self.middle[2:].min())
-        out, deep = (unit(self.axes[0][k] + self.axes[1][k]) for k in range(2))
-        return ball(self.places[1], (wide * out, tall * deep, tall * unit(self.ways[0] + self.ways[1])))
+        pairs = [(self.axes[0][k], self.axes[1][k]) for k in range(2)] + [(self.ways[0], self.ways[1])]
+        # Of bones that are folded back on each other the directions cancel out.
+        out, deep, way = (unit(a + b) if np.linalg.norm(a + b) > FOLDED else a for a, b in pairs)
+        return ball(self.places[1], (wide * out, tall * deep, tall * way))
 
 
 def _hand(bones: _Bones, length: float) -> Rings:

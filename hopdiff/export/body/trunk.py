@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hopdiff.export.body.build import DENSITY, UP, Build, thickness, unit
+from hopdiff.export.anatomy import SPINE
+from hopdiff.export.body.build import DENSITY, SHORT, UP, Build, thickness, unit
 from hopdiff.export.body.head import Skull
 from hopdiff.export.body.limbs import THIGH, UPPER_ARM
 from hopdiff.export.body.loft import Floats, Rings, Shape, around, eased, loft, moved
@@ -42,7 +43,7 @@ BUMPS = (
     (0.46, 0.02, -1.0, 0.08, 0.36, 0.09),  # buttock
     (0.55, 0.76, -1.0, 0.05, 0.3, 0.1),  # shoulder blade
 )
-SPINE = 0.035  # depth of the furrow along it, in the half width of the hips
+FURROW = 0.035  # depth of the furrow along it, in the half width of the hips
 EASE = 0.4  # of the way from joint to joint of the spine in which the skin goes over, either way
 
 
@@ -57,12 +58,15 @@ def trunk(body: Build, skull: Skull | None) -> None:
     if top is None or (length := float(np.linalg.norm(top - low))) < 1e-3:
         return
     up = (top - low) / length
-    left = unit(body.left - (body.left @ up) * up)
+    aside = body.left - (body.left @ up) * up
+    left = unit(aside)
     ahead = np.cross(left, up)
     wide = 0.5 * abs(float((body.at(tops[0]) - body.at(tops[1])) @ left))
     thighs = max(body.bone("left_hip", "left_knee"), 1e-3)
     thigh = thickness(body.masses[hips[0]], thighs, THIGH)
     hip = 0.5 * body.bone(*hips) + 0.94 * thigh
+    if min(float(np.linalg.norm(aside)), wide, hip) < SHORT:
+        return
     shoulder = float((shoulders - low) @ up) / length
     cap = thickness(body.masses[tops[0]], max(body.bone("left_shoulder", "left_elbow"), 1e-3), UPPER_ARM)
     # Up to the arms by the table, scaled to where they are; then over the shoulders and up the neck.
@@ -82,17 +86,18 @@ def trunk(body: Build, skull: Skull | None) -> None:
     rows[:, :1] *= np.clip(deep / np.clip(deep, 0.75, 1.35), 0.6, 1.7)
     centre = low + outline[:, :1] * length * up
     across, front, power = np.tile(left, (len(rows), 1)), np.tile(ahead, (len(rows), 1)), outline[:, 5]
-    over = _shoulders(centre[-1], rows[-1], up, left, ahead, wide, cap, shoulders, top, skull)
+    over = _shoulders(rows[-1], up, left, ahead, wide, cap, shoulders, top, skull)
     centre, across, front = (np.concatenate(pair) for pair in zip((centre, across, front), over[:3], strict=True))
     rows, power = np.concatenate((rows, over[3])), np.concatenate((power, over[4]))
     rings = Rings(centre, across, front, rows[:, [0, 0]], rows[:, 1:], np.stack((power, power), axis=-1))
     shape = loft(rings, around(22), 0.04 * length, 0.02 * length, (0.6,))
     _bumps(shape, low, up * length, left * hip, ahead, 1.0 - min(1.0, 8.0 * body.young))
-    names = ("pelvis", "waist", "chest", "upper_chest", "neck", "head")
-    line = list(dict.fromkeys(parts[name] for name in names if name in parts))
+    line = list(dict.fromkeys(parts[name] for name in SPINE if name in parts))
     body.made["middle"].append(moved(shape, _shares(body, shape, low, up, line, wide)))
     inside = {
-        parts[part] for part in (*names[:5], *hips, *tops, *(f"{s}_collar" for s in ("left", "right"))) if part in parts
+        parts[part]
+        for part in (*SPINE[:-1], *hips, *tops, *(f"{s}_collar" for s in ("left", "right")))
+        if part in parts
     }
     # Whatever lies between them, too: a joint of the spine without a name of its own.
     body.covered |= inside | {joint for part in inside for joint in body.skeleton.above(part)}
@@ -109,7 +114,6 @@ def neck_base(body: Build) -> Floats | None:
 
 
 def _shoulders(
-    begin: Floats,
     last: Floats,
     up: Floats,
     left: Floats,
@@ -178,7 +182,7 @@ def _bumps(shape: Shape, low: Floats, up: Floats, left: Floats, ahead: Floats, g
             here = np.exp(-(((aside - sign * x) / wide) ** 2) - ((height - y) / tall) ** 2)
             rise += grown * way * size * here * eased(way * front / (0.3 * hip))
     furrow = np.exp(-((aside / 0.2) ** 2)) * eased((height + 0.02) / 0.1) * eased((0.95 - height) / 0.2)
-    rise += SPINE * furrow * eased(-front / (0.3 * hip))
+    rise += FURROW * furrow * eased(-front / (0.3 * hip))
     shape.vertices[:] += (hip * rise)[:, None] * ahead
 
 

@@ -212,6 +212,7 @@ function dragged(event) {
 
 function setPlaying(playing) {
   state.playing = playing;
+  stage.move(playing);
   element("play").textContent = playing ? "Pause" : "Play";
 }
 
@@ -223,7 +224,8 @@ function setPhase(phase) {
 
 function reset(view) {
   stage.orbit.distance = stage.distanceFor(1.6, data.body.height);
-  stage.orbit.from(...VIEWS[view]);
+  const [yaw, pitch] = VIEWS[view];
+  stage.orbit.from(state.heading + yaw, pitch);
 }
 
 function listen() {
@@ -251,9 +253,12 @@ function listen() {
 
 let before = null;
 function tick(now) {
-  const passed = before === null ? 0 : Math.min(0.1, (now - before) / 1000);
+  const gap = before === null ? 0 : (now - before) / 1000;
+  const passed = Math.min(0.1, gap);
   before = now;
   if (state.playing) {
+    // A page that was out of sight goes on where it stopped.
+    if (gap > 0 && gap < 0.5) stage.timed(gap);
     const gone = state.rate * passed / blended().time;
     advance(gone);
     state.phase = (state.phase + gone) % 1;

@@ -5,6 +5,7 @@ const PIECE = 5; // m
 const SHADE = 2.4; // m around a body in which its shadow falls
 const LEAST = 0.5; // pixels of the picture in one of the screen while it moves, without a graphics card
 const FEW = 24; // frames a second below which the picture becomes coarser
+const SIX = 6; // motions that have a column each in the table, and shadows while they move; of more each has a row
 const COUNTED = 12; // frames that are timed for that
 
 // Whether the browser draws by program, without a graphics card.

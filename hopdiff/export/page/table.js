@@ -1,7 +1,5 @@
 // The numbers of all motions, and which of them is marked.
 
-const SIX = 6; // motions that have a column each; of more each has a row
-
 function cell(row, text, kind, tag = "td") {
   const made = document.createElement(tag);
   made.textContent = text;
