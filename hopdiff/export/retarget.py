@@ -251,7 +251,7 @@ def write_retargeted(path: str | os.PathLike[str], takes: Sequence[Take], target
             checks = check_skin(data, takes, target)
             for take, check in zip(takes, checks, strict=False):
                 if check.torn:
-                    where = few(check.behind) if check.behind else " and ".join(map(repr, check.between))
+                    where = few(check.behind) if check.behind else check.where
                     raise HopdiffError(
                         f"{target.name}: {take.name} would tear its skin at {where}, which does not follow the body;"
                         " name the parts in a file and give it as retarget.names, or bind the skin to other joints."

@@ -52,8 +52,12 @@ class SkinCheck:
     @property
     def torn(self) -> bool:
         """Whether a part of the skin is not where the rest of it goes."""
-        apart = self.between[0] != self.between[1]
-        return bool(self.behind) or (apart and self.stretch > TORN and self.grown > GROWN * self.leg)
+        return bool(self.behind) or (self.stretch > TORN and self.grown > GROWN * self.leg)
+
+    @property
+    def where(self) -> str:
+        """The joints of the worst edge, for people."""
+        return " and ".join(repr(joint) for joint in dict.fromkeys(self.between))
 
     def sentence(self) -> str:
         """How the skin follows, for people; edges that grow too little to be seen aside."""
@@ -65,7 +69,7 @@ class SkinCheck:
         found = []
         if self.stretch > STRETCHED and self.grown > SEEN * self.leg:
             found.append(
-                f"{name}: its skin stretches between {' and '.join(map(repr, self.between))}, one edge to"
+                f"{name}: its skin stretches at {self.where}, one edge to"
                 f" {self.stretch:.1f} times its length ({100 * self.grown:.0f} cm longer); look there."
             )
         if self.sole is not None and self.sole > OFF:

@@ -199,8 +199,8 @@ def target_of(
                 short, long = sorted((float(thigh.norm()), float(shank.norm())))
                 if short < UNLIKE * long:
                     raise HopdiffError(
-                        f"{name} lacks a {leg.side} leg: {skeleton.names[leg.hip]!r} and {skeleton.names[leg.knee]!r} are"
-                        " no thigh and shank, one of them is hardly there."
+                        f"{name} lacks a {leg.side} leg: {skeleton.names[leg.hip]!r} and {skeleton.names[leg.knee]!r}"
+                        " are no thigh and shank, one of them is hardly there."
                     )
             if _stands(target):
                 return target

@@ -9,8 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from hopdiff.export.retarget import read_target, retargeted, write_retargeted
 from hopdiff.export.skin_check import check_skin, worst_of
@@ -18,8 +20,11 @@ from hopdiff.extras import install
 from hopdiff.io.glb_file import GlbFile
 from hopdiff.types import HopdiffError
 from tests.export.rigs import glb
+from tests.export.skins import Played
 from tests.export.stand_ins import stand_in
 from tests.export.takes import own
+
+CORNERS = np.array([(x, y, z) for x in (-0.05, 0.05) for y in (-0.14, -0.05) for z in (-0.09, 0.2)])  # of a clog
 
 
 def edited(data: bytes, change: Callable[[dict[str, Any]], object]) -> bytes:
@@ -229,3 +234,95 @@ def test_a_node_that_is_mirrored_against_its_skin(tmp_path: Path, joint: str) ->
     assert found.stretch < 2.0
     assert found.sole is not None
     assert found.sole < 0.005
+
+
+def clogs(content: dict[str, Any], data: bytes) -> bytes:
+    """Boxes that hang on the feet without a skin, 5 cm deeper than the soles."""
+    corners = CORNERS.astype("<f4")
+    line = np.array([0, 1, 3, 0, 3, 2, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4], "<u2")
+    start = len(data) + (-len(data) % 4)
+    whole = data.ljust(start, b"\0") + corners.tobytes() + line.tobytes()
+    views, accessors = content["bufferViews"], content["accessors"]
+    views.append({"buffer": 0, "byteOffset": start, "byteLength": corners.nbytes})
+    views.append({"buffer": 0, "byteOffset": start + corners.nbytes, "byteLength": line.nbytes})
+    accessors.append({"bufferView": len(views) - 2, "componentType": 5126, "count": 8, "type": "VEC3"})
+    accessors[-1] |= {"min": corners.min(axis=0).tolist(), "max": corners.max(axis=0).tolist()}
+    accessors.append({"bufferView": len(views) - 1, "componentType": 5123, "count": len(line), "type": "SCALAR"})
+    primitive = {"attributes": {"POSITION": len(accessors) - 2}, "indices": len(accessors) - 1}
+    content["meshes"].append({"primitives": [primitive]})
+    world = Played(content, whole).worlds(None, 0.0)
+    for name in ("mixamorig:LeftFoot", "mixamorig:RightFoot"):
+        foot = next(k for k, node in enumerate(content["nodes"]) if node.get("name") == name)
+        back = Rotation.from_matrix(world[foot][:3, :3]).inv().as_quat().tolist()
+        content["nodes"][foot].setdefault("children", []).append(len(content["nodes"]))
+        content["nodes"].append({"name": f"Clog {name}", "mesh": len(content["meshes"]) - 1, "rotation": back})
+    content["buffers"][0]["byteLength"] = len(whole)
+    return glb(content, whole)
+
+
+def test_rigid_pieces_follow_their_joints_and_count_as_soles(tmp_path: Path) -> None:
+    data = stand_in("mixamo")
+    length = struct.unpack_from("<I", data, 12)[0]
+    (tmp_path / "hero.glb").write_bytes(clogs(json.loads(data[20 : 20 + length]), data[28 + length :]))
+    target = read_target(tmp_path / "hero.glb")
+    assert target.notes == ()
+    for leg in target.legs:
+        assert target.depth(leg) == pytest.approx(0.14, abs=1e-3)
+    take = retargeted(own(), target)
+    [found] = write_retargeted(tmp_path / "out.glb", [take], target)
+    assert found.sole is not None
+    assert found.sole < 0.005
+    played = Played.of(tmp_path / "out.glb")
+    assert take.contact is not None
+    for frame in torch.nonzero(take.contact[:, 0])[:, 0].tolist():
+        world = played.worlds(take.name, frame * take.clip.frame_time)[played.node("Clog mixamorig:LeftFoot")]
+        assert float((CORNERS @ world[:3, :3].T + world[:3, 3])[:, 1].min()) == pytest.approx(0.0, abs=0.005)
+
+
+def test_bind_matrices_of_joints_that_hold_nothing_count_for_nothing(tmp_path: Path) -> None:
+    """As Sketchfab writes them: those joints are at the origin."""
+    data = stand_in("mixamo")
+    length = struct.unpack_from("<I", data, 12)[0]
+    content, binary = json.loads(data[20 : 20 + length]), bytearray(data[28 + length :])
+    plain = read_target(plain_copy(tmp_path))
+    assert plain.skin is not None
+    skin = content["skins"][0]
+    accessor = content["accessors"][skin["inverseBindMatrices"]]
+    start = content["bufferViews"][accessor["bufferView"]]["byteOffset"]
+    names = [content["nodes"][node]["name"] for node in skin["joints"]]
+    empty = [k for k, name in enumerate(names) if plain.skin.everything(plain.skeleton.index(name)) == 0.0]
+    assert any("Neck" not in names[k] and "Hand" in names[k] for k in empty)
+    for k in empty:
+        binary[start + 64 * k : start + 64 * (k + 1)] = np.eye(4, dtype="<f4").tobytes()
+    (tmp_path / "hero.glb").write_bytes(glb(content, bytes(binary)))
+    target = read_target(tmp_path / "hero.glb")
+    torch.testing.assert_close(target.places, plain.places, atol=1e-5, rtol=0)
+
+
+def test_loose_vertices_are_told(tmp_path: Path) -> None:
+    def light(content: dict[str, Any]) -> None:
+        weights = content["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"]
+        content["accessors"][weights].pop("bufferView")
+        content["accessors"][weights]["sparse"] = {
+            "count": 300,
+            "indices": {"bufferView": len(content["bufferViews"]), "componentType": 5123},
+            "values": {"bufferView": len(content["bufferViews"]) + 1},
+        }
+
+    data = stand_in("mixamo")
+    length = struct.unpack_from("<I", data, 12)[0]
+    content, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    before = Played(content, binary)
+    weights = before.skinned[0][3].astype("<f4")
+    light(content)
+    start = len(binary) + (-len(binary) % 4)
+    rows, values = np.arange(300, dtype="<u2").tobytes(), weights[:300].tobytes()
+    content["bufferViews"].append({"buffer": 0, "byteOffset": start, "byteLength": len(rows)})
+    content["bufferViews"].append({"buffer": 0, "byteOffset": start + len(rows), "byteLength": len(values)})
+    whole = binary.ljust(start, b"\0") + rows + values
+    content["buffers"][0]["byteLength"] = len(whole)
+    (tmp_path / "hero.glb").write_bytes(glb(content, whole))
+    count = len(weights) - 300
+    assert read_target(tmp_path / "hero.glb").notes[0] == (
+        f"hero.glb: {count} vertices of its skin are held by no joint, and stay where they are."
+    )

@@ -208,3 +208,17 @@ def test_a_body_of_legs_and_a_head_has_no_arms() -> None:
 def test_names_are_taken_apart(name: str, plain: tuple[str | None, str]) -> None:
     assert plain_name(name) == plain
     assert side_of(name) == (plain[0] or "middle")
+
+
+@pytest.mark.parametrize(
+    ("name", "side", "word"),
+    [
+        ("mixamorig:LeftUpLeg", "left", "upleg"),
+        ("hero:mixamorig:RightFoot", "right", "foot"),
+        ("Leg:Left:Upper", "left", "legupper"),
+        ("Arm:Right:Lower", "right", "armlower"),
+        ("Fist.L", "left", "fist"),
+    ],
+)
+def test_names_in_pieces(name: str, side: str, word: str) -> None:
+    assert plain_name(name) == (side, word)
