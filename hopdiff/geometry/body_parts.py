@@ -183,8 +183,12 @@ def _arms(skeleton: Skeleton, legs: tuple[Leg, ...], skin: Collection[int]) -> d
         chain, sound[side] = limb_by_name(skeleton, place, side, ARM, skin)
         arms[side] = dict(zip(ARM, chain, strict=False))
     by_name = {side: _completed(skeleton, place, side, arm) for side, arm in arms.items()}
-    # Hands need not be called so: fists, palms and claws.
-    whole = [side for side in SIDES if "elbow" in arms[side] and sound[side]]
+    # Hands need not be called so: fists and claws. A shoulder may be a collar where something lies before the elbow.
+    told = [
+        "wrist" in arm or ("elbow" in arm and skeleton.parents[arm["elbow"]] == arm["shoulder"])
+        for arm in arms.values()
+    ]
+    whole = [side for side, enough in zip(SIDES, told, strict=True) if enough and sound[side]]
     if len(whole) == len(SIDES) or not legs:
         return by_name
     across, middle, _ = _across(place, legs)
