@@ -143,7 +143,7 @@ def blend(takes: Sequence[Take], weights: Sequence[float]) -> Take:
         ends = torch.tensor([(stride_length(take), _turned(take)) for take in takes], dtype=torch.float64)
         length, turned = (share @ ends).tolist()
         way = _arc(length, turned, first)
-    others: dict[str, Any] = dict.fromkeys(("feet", "com", "leg_force", "force", "cop"))
+    others: dict[str, Any] = dict.fromkeys(("feet", "com", "leg_force", "force", "cop", "events"))
     return replace(first, name="blend", clip=clip, contact=contact, way=way, numbers={}, **others)
 
 

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import SIDES
+from hopdiff.export.contact_events import contact_events, with_feet
 from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.export.glb import clip_extras
 from hopdiff.export.hanging import TRUNK
@@ -63,6 +64,7 @@ def retargeted(take: Take, target: Target) -> Take:
     joint on the ground carries the steady way in GLB files.
     numbers: what holds for this body, too, lengths and speed scaled; body, parts found, and leg_ratio. Apply this to
     motions that travel: those in place slide over the ground.
+    Contacts begin and end when the source's do.
     Raises HopdiffError if the parts of the take's own skeleton cannot be told.
     """
     if is_model_body(take.clip.skeleton) and take.contact is not None:
@@ -79,7 +81,7 @@ def retargeted(take: Take, target: Target) -> Take:
     numbers |= {name: ratio * take.numbers[name] for name in LENGTHS if isinstance(take.numbers.get(name), float)}
     numbers |= {"body": Path(target.name).name, "parts": target.report().count, "leg_ratio": ratio}
     unknown: dict[str, Any] = dict.fromkeys(("com", "leg_force", "masses", "force", "cop", "segments"))
-    found = replace(take, clip=clip, feet=feet, numbers=numbers, **unknown)
+    found = with_feet(replace(take, clip=clip, feet=feet, numbers=numbers, **unknown), contact_events(take))
     return with_way_on_root(found, target.parts["pelvis"]) if _ground_root(target) else found
 
 
