@@ -79,13 +79,16 @@ def named(takes: Sequence[Take], settings: ClipSettings) -> list[Take]:
 
 
 def _filled(name: str, take: Take) -> str:
-    """A name with what stands in braces filled in."""
+    """A name with what stands in braces filled in; speeds are those of the run, whatever body it is on."""
 
     def value(match: re.Match[str]) -> str:
         found = take.name if match[1] == "name" else take.numbers.get(match[1])
         if found is None:
             raise HopdiffError(f"clip={name}: {match[1]} of {take.name} is not known.")
-        return f"{found:g}" if isinstance(found, float) else str(found)
+        if match[1] == "speed" and isinstance(found, int | float):
+            # On another body it goes with the legs; the clip is still that of the run.
+            found = found / take.numbers.get("leg_ratio", 1.0)
+        return f"{found:.3g}" if isinstance(found, float) else str(found)
 
     return re.sub(r"{(\w+)}", value, name)
 
