@@ -55,8 +55,10 @@ class BlendSpace:
             if place in clips:
                 at = f"speed {place[0]:g}, beta {place[1]:g} and turn {place[2]:g}"
                 raise HopdiffError(f"{clips[place].name} and {take.name} are both of {at}: leave one of them out.")
-            if take.frames != takes[0].frames or not take.loop:
-                raise HopdiffError(f"{take.name} is no loop of as many keys as {takes[0].name}: set keys.")
+            if not take.loop:
+                raise HopdiffError(f"{take.name} is no loop, it does not end as it began.")
+            if take.frames != takes[0].frames:
+                raise HopdiffError(f"{take.name} has other keys than {takes[0].name}: set keys.")
             if not same_body(take.clip.skeleton, takes[0].clip.skeleton):
                 raise HopdiffError(f"{take.name} is of another body than {takes[0].name}.")
             clips[place] = take if take.way is not None else in_place(take)

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from hopdiff.export.format import Format
-from hopdiff.export.picture_files import check_sprites, write_sprites
+from hopdiff.export.picture_files import check_sprites, pictures_of_views, write_sprites
 
-FORMAT = Format(".png", write_sprites, together=True, check=check_sprites)
+FORMAT = Format(".png", write_sprites, together=True, check=check_sprites, pictures=pictures_of_views)
