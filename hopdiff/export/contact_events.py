@@ -11,7 +11,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hopdiff.editing.loop import repetitions
 from hopdiff.export.ground import ground_path
 from hopdiff.export.take import DIGITS, ContactEvent, Take
 from hopdiff.geometry.joint_names import SIDES
@@ -69,16 +68,11 @@ def _of_foot(take: Take, side: int) -> list[tuple[float, bool, tuple[float, ...]
         if stands[frame] != stands[frame - 1]:
             down = stands[frame]
             time, standing = _at_zero_force(take, side, frame, down), frame if down else frame - 1
-            again = take.loop and time > last - SAME
-            if again:
+            if take.loop and time > last - SAME:
                 # With the last frame of a loop it begins again.
-                time, standing = 0.0, 0 if down else standing
-            place = None if take.feet is None else take.feet[standing, side]
-            if place is not None and again and not down:
-                # It stood there before the loop began.
-                one = repetitions(take.clip, 2)[1]
-                place = (place - one.here) @ one.turn + one.start
-            found.append((time, down, None if place is None else tuple(place.tolist())))
+                time, standing = 0.0, 0
+            place = None if take.feet is None else tuple(take.feet[standing, side].tolist())
+            found.append((time, down, place))
     return found
 
 

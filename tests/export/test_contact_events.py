@@ -85,32 +85,6 @@ def test_a_walk_that_was_captured_has_alternating_contacts() -> None:
     assert contact_events(Take("still", take.clip, False)) == []
 
 
-def test_root_motion_is_the_way_also_of_what_runs_on_the_spot() -> None:
-    take = full_body(own())
-    for found in (root_motion(take), root_motion(in_place(take)), root_motion(in_place(take).repeated(2))):
-        assert float(found.speed.mean()) == pytest.approx(3.0, rel=0.01)
-        assert float(found.yaw.abs().max()) < 1e-3
-        assert bool((found.distance.diff() > 0.0).all())
-        torch.testing.assert_close(found.place[:, 1], found.distance, atol=1e-2, rtol=0)
-    assert float(root_motion(in_place(take).repeated(2)).distance[-1]) == pytest.approx(
-        6.0 * take.clip.duration, rel=0.01
-    )
-
-
-def test_files_hold_them(tmp_path: Path) -> None:
-    exports = {name: preset(name, "root=in_place", "cycles=2", "clip=Run") for name in ("glb", "events")}
-    glb, beside = (path for path, _ in write_exports([own()], exports, tmp_path))
-    [clip] = json.loads(beside.read_text())["clips"]
-    assert beside.name == "motion_events.json"
-    assert (clip["name"], clip["keys"], clip["loop"]) == ("Run", 2 * (own().frames - 1) + 1, True)
-    assert [event["name"] for event in clip["events"]] == 2 * ["LeftDown", "LeftUp", "RightDown", "RightUp"]
-    assert [event["event"] for event in clip["events"]] == 4 * ["touchdown", "takeoff"]
-    assert {len(curve) for curve in clip["root_motion"].values()} == {clip["keys"]}
-    assert clip["root_motion"]["distance"][-1] == pytest.approx(3.0 * clip["duration"], rel=0.01)
-    extras = Gltf.of(glb.read_bytes()).animation("Run")["extras"]
-    assert (extras["events"], extras["root_motion"]) == (clip["events"], clip["root_motion"])
-
-
 OTHER_FRAMES = ({"fps": 30.0}, {"fps": 30.0, "cycles": 4}, {"fps": 60.0, "frames": "exact", "cycles": 4})
 
 
@@ -185,13 +159,27 @@ def test_events_go_where_the_time_of_a_take_goes() -> None:
             assert event.position == pytest.approx(alike.position, abs=1e-9)
 
 
-def test_a_foot_that_leaves_with_the_end_of_a_loop_stood_before_its_beginning() -> None:
-    take = replace(own(), leg_force=None)
-    assert take.contact is not None
-    assert take.feet is not None
-    contact = torch.zeros_like(take.contact)
-    contact[5:-1, 0] = True
-    down, up = sorted(contact_events(replace(take, contact=contact)), key=lambda event: event.down, reverse=True)
-    last = take.feet[-2, 0] - torch.tensor([0.0, 0.0, 3.0 * take.clip.duration], dtype=torch.float64)
-    assert (down.name, up.name, up.time) == ("LeftDown", "LeftUp", 0.0)
-    assert up.position == pytest.approx(last.tolist(), abs=1e-3)
+def test_root_motion_is_the_way_also_of_what_runs_on_the_spot() -> None:
+    take = full_body(own())
+    for found in (root_motion(take), root_motion(in_place(take)), root_motion(in_place(take).repeated(2))):
+        assert float(found.speed.mean()) == pytest.approx(3.0, rel=0.01)
+        assert float(found.yaw.abs().max()) < 1e-3
+        assert bool((found.distance.diff() > 0.0).all())
+        torch.testing.assert_close(found.place[:, 1], found.distance, atol=1e-2, rtol=0)
+    assert float(root_motion(in_place(take).repeated(2)).distance[-1]) == pytest.approx(
+        6.0 * take.clip.duration, rel=0.01
+    )
+
+
+def test_files_hold_them(tmp_path: Path) -> None:
+    exports = {name: preset(name, "root=in_place", "cycles=2", "clip=Run") for name in ("glb", "events")}
+    glb, beside = (path for path, _ in write_exports([own()], exports, tmp_path))
+    [clip] = json.loads(beside.read_text())["clips"]
+    assert beside.name == "motion_events.json"
+    assert (clip["name"], clip["keys"], clip["loop"]) == ("Run", 2 * (own().frames - 1) + 1, True)
+    assert [event["name"] for event in clip["events"]] == 2 * ["LeftDown", "LeftUp", "RightDown", "RightUp"]
+    assert [event["event"] for event in clip["events"]] == 4 * ["touchdown", "takeoff"]
+    assert {len(curve) for curve in clip["root_motion"].values()} == {clip["keys"]}
+    assert clip["root_motion"]["distance"][-1] == pytest.approx(3.0 * clip["duration"], rel=0.01)
+    extras = Gltf.of(glb.read_bytes()).animation("Run")["extras"]
+    assert (extras["events"], extras["root_motion"]) == (clip["events"], clip["root_motion"])
