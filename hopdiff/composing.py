@@ -21,7 +21,7 @@ from omegaconf import BooleanNode, DictConfig, FloatNode, IntegerNode, OmegaConf
 
 from hopdiff.doors import CHARACTERS, FORMATS, SEARCHES, TASKS, Door, config_folder, files_of, load, loaded
 from hopdiff.extras import missing_extras
-from hopdiff.messages import typed_names
+from hopdiff.messages import near, typed_names
 from hopdiff.types import HopdiffError
 
 # What settings begin with that need not be there before they are set.
@@ -120,6 +120,14 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
 def choices_of(group: str) -> list[str]:
     """The names of a group, those of installed packages included."""
     return sorted({*files_of(group), *(Path(name).stem for name in ConfigStore.instance().repo.get(group, {}))})
+
+
+def no_export(name: str) -> str:
+    """The sentence for settings of an export that is not chosen, or that there is not."""
+    if name in (names := choices_of("export")):
+        return f"exports.{name} is there once it is chosen: add export=[{name}]."
+    guess = near(name, names) or " python -m hopdiff --help lists the exports."
+    return f"exports.{name}: there is no export of that name.{guess}"
 
 
 def known_settings(key: str = "") -> list[str]:

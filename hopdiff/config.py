@@ -15,7 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from hopdiff.character import Character, CharacterSettings
 from hopdiff.choices import build_costs, build_model, build_search, with_floats
-from hopdiff.composing import known_settings, of_tasks, task_of, tasks_with
+from hopdiff.composing import known_settings, no_export, of_tasks, task_of, tasks_with
 from hopdiff.costs import CostSettings
 from hopdiff.effort.problem import BodyProblem
 from hopdiff.effort.settings import EffortSettings
@@ -88,9 +88,15 @@ class Config:
 
 
 def checked(config: DictConfig) -> Config:
-    """The shared settings as an object, top-level numbers checked. Raises HopdiffError, naming the setting."""
+    """The shared settings as an object, top-level numbers and names of exports checked.
+
+    Raises HopdiffError, naming the setting.
+    """
     settings: Config = typed(config, Config)
     check_numbers(settings)
+    for name, export in settings.exports.items():
+        if not export.kind:
+            raise HopdiffError(no_export(name))
     return settings
 
 

@@ -17,7 +17,16 @@ from omegaconf.errors import (
 from yaml import MarkedYAMLError
 from yaml.reader import ReaderError
 
-from hopdiff.composing import choices_of, choices_with, known_settings, of_tasks, own_file, task_of, tasks_with
+from hopdiff.composing import (
+    choices_of,
+    choices_with,
+    known_settings,
+    no_export,
+    of_tasks,
+    own_file,
+    task_of,
+    tasks_with,
+)
 from hopdiff.doors import config_folder
 from hopdiff.extras import of_launcher
 from hopdiff.graph.settings import GONE
@@ -117,7 +126,7 @@ def _setting(error: OmegaConfBaseException, key: str, text: str) -> str:
         if key in GONE:
             return f"{key} is no setting any more; {GONE[key]}."
         if found := re.fullmatch(r"exports\.(\w+)", key):
-            return f"{key} is there once it is chosen: add export=[{found.group(1)}]."
+            return no_export(found.group(1))
         if task := task_of(key):
             return f"{key} is a setting of task={task}: add task={task}."
         if tasks := tasks_with(key):

@@ -15,10 +15,10 @@ import torch
 from torch import Tensor
 
 from hopdiff.export.anatomy import parts_of
-from hopdiff.export.contact_events import DIGITS, contact_events, root_motion
+from hopdiff.export.contact_events import contact_events, root_motion
 from hopdiff.export.glb import bodies_of
 from hopdiff.export.prepare import in_place
-from hopdiff.export.take import Take
+from hopdiff.export.take import DIGITS, Take
 from hopdiff.geometry.joint_names import SIDES
 from hopdiff.geometry.quaternion import from_quaternions, quaternions
 from hopdiff.geometry.rotation import axis_rotation
@@ -54,8 +54,10 @@ class BlendSpace:
             if place in clips:
                 at = f"speed {place[0]:g}, beta {place[1]:g} and turn {place[2]:g}"
                 raise HopdiffError(f"{clips[place].name} and {take.name} are both of {at}: leave one of them out.")
-            if take.frames != takes[0].frames or not take.loop:
-                raise HopdiffError(f"{take.name} is no loop of as many keys as {takes[0].name}: set keys.")
+            if not take.loop:
+                raise HopdiffError(f"{take.name} is no loop, it does not end as it began.")
+            if take.frames != takes[0].frames:
+                raise HopdiffError(f"{take.name} has other keys than {takes[0].name}: set keys.")
             if len(bodies_of([takes[0], take])[0]) > 1:
                 raise HopdiffError(
                     f"{take.name} is of another body than {takes[0].name}: bones, ends or masses differ."
@@ -147,7 +149,7 @@ def blend(takes: Sequence[Take], weights: Sequence[float]) -> Take:
         ends = torch.tensor([(stride_length(take), _turned(take)) for take in takes], dtype=torch.float64)
         length, turned = (share @ ends).tolist()
         way = _arc(length, turned, first)
-    others: dict[str, Any] = dict.fromkeys(("feet", "com", "leg_force", "force", "cop"))
+    others: dict[str, Any] = dict.fromkeys(("feet", "com", "leg_force", "force", "cop", "events"))
     return replace(first, name="blend", clip=clip, contact=contact, way=way, numbers={}, **others)
 
 

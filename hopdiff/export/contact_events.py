@@ -2,55 +2,31 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from hopdiff.export.ground import ground_path
-from hopdiff.export.take import Take
+from hopdiff.export.take import DIGITS, ContactEvent, Take
 from hopdiff.geometry.joint_names import SIDES
 
-DIGITS = 6  # behind the point, of numbers in files
 SAME = 1e-6  # frames by which times may differ and be the same
-
-
-@dataclass(frozen=True)
-class ContactEvent:
-    """A foot that comes down, or leaves the ground. time [s] from the first frame; phase: of the stride, 0 and 1 at
-    left touchdowns, None where there is no stride; position: (x, y, z) of the foot's contact point [m], if known."""
-
-    foot: str
-    down: bool
-    time: float
-    phase: float | None
-    position: tuple[float, ...] | None
-
-    @property
-    def name(self) -> str:
-        """LeftDown, LeftUp, RightDown or RightUp: what sync markers are called."""
-        return f"{self.foot.capitalize()}{'Down' if self.down else 'Up'}"
-
-    def plain(self) -> dict[str, Any]:
-        """The event for a file."""
-        return {
-            "name": self.name,
-            "foot": self.foot,
-            "event": "touchdown" if self.down else "takeoff",
-            "time": round(self.time, DIGITS),
-            "phase": None if self.phase is None else round(self.phase, DIGITS),
-            "position": None if self.position is None else [round(value, DIGITS) for value in self.position],
-        }
 
 
 def contact_events(take: Take) -> list[ContactEvent]:
     """The touchdowns and take-offs of a take in their order; of a loop those of one repetition, none twice.
 
     Where the force of the legs is known, the time is where it reaches zero, between two frames; otherwise that of the
-    first frame in which the foot stands, or does no more. What a motion that is no loop begins with is no event.
+    first frame in which the foot stands, or does no more. What a motion that is no loop begins with is no event. A take
+    that carries its events, as of the frames that it was made of, keeps them.
     """
+    if take.events is not None:
+        return list(take.events)
     if take.contact is None or take.frames < 2:
         return []
     found = [(time, side, down, place) for side in range(2) for time, down, place in _of_foot(take, side)]
@@ -60,6 +36,27 @@ def contact_events(take: Take) -> list[ContactEvent]:
         ContactEvent(SIDES[side], down, time * take.clip.frame_time, _phase(time, strides), place)
         for time, side, down, place in found
     ]
+
+
+def with_events(take: Take) -> Take:
+    """The take with its events, so that it has the same ones at other frames."""
+    return replace(take, events=tuple(contact_events(take)))
+
+
+def with_feet(take: Take, events: Sequence[ContactEvent]) -> Take:
+    """The take with the events of another body that moves alike, where its own feet stand then."""
+    found = []
+    for event in events:
+        place = None
+        if take.feet is not None and take.contact is not None:
+            side, at, last = SIDES.index(event.foot), event.time / take.clip.frame_time, take.frames - 1
+            # The first frame of the contact from the event on, or its last one up to it.
+            near = math.ceil(at - SAME) if event.down else math.floor(at + SAME)
+            frames = [min(max(near + step, 0), last) for step in ((0, 1, -1) if event.down else (0, -1, 1))]
+            frame = next((one for one in frames if take.contact[one, side]), frames[0])
+            place = tuple(take.feet[frame, side].tolist())
+        found.append(replace(event, position=place))
+    return replace(take, events=tuple(found))
 
 
 def _of_foot(take: Take, side: int) -> list[tuple[float, bool, tuple[float, ...] | None]]:
@@ -104,7 +101,7 @@ def _phase(time: float, strides: Sequence[float]) -> float | None:
     """Phase of the stride that a time [frames] falls into; before the first and after the last as in those."""
     if len(strides) < 2:
         return None
-    k = min(max(sum(start <= time + 1e-9 for start in strides) - 1, 0), len(strides) - 2)
+    k = min(max(bisect_right(strides, time + 1e-9) - 1, 0), len(strides) - 2)
     return ((time - strides[k]) / (strides[k + 1] - strides[k]) + 1e-12) % 1.0
 
 

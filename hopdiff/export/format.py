@@ -18,7 +18,9 @@ class Format:
     """suffix: of its files, with the dot. write: see `Writer`. together: whether a file holds several motions;
     otherwise it is given one. axes: whether its joints may be turned in the rest pose. beside: suffixes of what it
     writes next to the file, under the same name. check: raises HopdiffError where these settings cannot be had on this
-    machine, before any motion is made. others: endings that a file's name may have instead of `suffix`.
+    machine, before any motion is made. others: endings that a file's name may have instead of `suffix`. review: raises
+    HopdiffError where the motions cannot go into one file, before any is written, and returns sentences on them for the
+    user. pictures: how many pictures a file has of its motions, if it has any.
     """
 
     suffix: str
@@ -28,3 +30,5 @@ class Format:
     beside: tuple[str, ...] = ()
     check: Callable[[Any], object] | None = None
     others: tuple[str, ...] = ()
+    review: Callable[[Sequence[Take]], Sequence[str]] | None = None
+    pictures: Callable[[Sequence[Take], Any], int] | None = None

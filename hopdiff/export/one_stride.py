@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hopdiff.export.contact_events import SAME, ContactEvent, contact_events
+from hopdiff.export.contact_events import SAME, contact_events
 from hopdiff.export.ground import ground_path
-from hopdiff.export.take import PLACES, Take, closes
+from hopdiff.export.take import PLACES, ContactEvent, Take, closes
 from hopdiff.geometry.joint_names import SIDES
 from hopdiff.types import HopdiffError
 
@@ -75,4 +75,4 @@ def _from_origin(take: Take) -> Take:
     start = ground_path(take).place[0]
     away = torch.stack((start[0], torch.zeros_like(start[0]), start[1]))
     moved = {entry: getattr(take, entry) - away for entry in PLACES if getattr(take, entry) is not None}
-    return replace(take, clip=replace(take.clip, root_position=take.clip.root_position - away), **moved)
+    return replace(take, clip=replace(take.clip, root_position=take.clip.root_position - away), events=None, **moved)

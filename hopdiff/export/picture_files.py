@@ -96,6 +96,16 @@ def write_sprites(path: Path, takes: Sequence[Take], settings: ExportSettings) -
         index_file.write(json.dumps(index, indent=1, allow_nan=False) + "\n")
 
 
+def pictures_of_views(takes: Sequence[Take], settings: ExportSettings) -> int:
+    """How many pictures there are where each view has its own."""
+    return len(views_of(settings.view, "view")) * sum(shown(take) for take in takes)
+
+
+def apng_pictures(takes: Sequence[Take], _: ExportSettings) -> int:
+    """How many pictures an animated PNG has: all views are side by side in each."""
+    return sum(shown(take) for take in takes)
+
+
 def _stage(takes: Sequence[Take], settings: ExportSettings) -> Stage:
     return Stage.of(takes, views_of(settings.view, "view"), settings.size, centred=settings.root == "in_place")
 

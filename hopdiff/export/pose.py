@@ -110,6 +110,7 @@ def mirrored(take: Take) -> Take:
         take,
         numbers=numbers,
         clip=clip,
+        events=None,
         contact=sides(take.contact),
         leg_force=sides(take.leg_force),
         feet=None if feet is None else feet * flip,

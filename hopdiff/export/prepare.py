@@ -11,12 +11,13 @@ from torch import Tensor
 
 from hopdiff.editing.root_path import RootPath
 from hopdiff.export.anatomy import renamed
+from hopdiff.export.contact_events import with_events
 from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.export.ground import ground_path
 from hopdiff.export.one_stride import one_stride
 from hopdiff.export.pose import mirrored, root_height, with_rest_pose
 from hopdiff.export.settings import ClipSettings, ExportSettings
-from hopdiff.export.take import Take
+from hopdiff.export.take import ContactEvent, Take
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
@@ -44,6 +45,7 @@ def prepared(take: Take, settings: ExportSettings) -> Take:
 
 def with_clip(take: Take, settings: ClipSettings) -> Take:
     """The take mirrored, cut to a stride, laid end to end, and at the frames that the settings ask for; it travels.
+    It carries its events: the times of contacts do not hang on the frames that are asked for.
 
     Raises HopdiffError, naming the setting, for what this motion does not allow.
     """
@@ -51,7 +53,7 @@ def with_clip(take: Take, settings: ClipSettings) -> Take:
         take = mirrored(take)
     if settings.keys is not None:
         take = one_stride(take, settings.keys)
-    take = take.repeated(settings.cycles)
+    take = with_events(take.repeated(settings.cycles))
     return take if settings.fps is None else take.resampled(settings.fps, settings.frames == "exact")
 
 
@@ -80,14 +82,17 @@ def named(takes: Sequence[Take], settings: ClipSettings) -> list[Take]:
 
 
 def _filled(name: str, take: Take) -> str:
-    """A name with what stands in braces filled in."""
+    """A name with what stands in braces filled in; speeds are those of the run, whatever body it is on."""
 
     def value(match: re.Match[str]) -> str:
         # Runs without a turn go straight on.
         found = {"turn": 0.0, **take.numbers, "name": take.name}.get(match[1])
         if found is None:
             raise HopdiffError(f"clip={name}: {match[1]} of {take.name} is not known.")
-        return f"{found:g}" if isinstance(found, float) else str(found)
+        if match[1] == "speed" and isinstance(found, int | float):
+            # On another body it goes with the legs; the clip is still that of the run.
+            found = found / take.numbers.get("leg_ratio", 1.0)
+        return f"{found:.3g}" if isinstance(found, float) else str(found)
 
     return re.sub(r"{(\w+)}", value, name)
 
@@ -118,10 +123,28 @@ def in_place(take: Take, rest: Tensor | None = None) -> Take:
         moved = (wide - place.unsqueeze(1)) @ turn.transpose(-1, -2)
         return moved.reshape(points.shape)
 
+    events = None if take.events is None else _events_here(take.events, path, clip.frame_time)
     root = here(clip.root_position)
     assert root is not None
     clip = replace(clip, root_position=root, rotations=rotations)
-    return replace(take, clip=clip, feet=here(take.feet), com=here(take.com), cop=here(take.cop), way=way)
+    return replace(
+        take, clip=clip, feet=here(take.feet), com=here(take.com), cop=here(take.cop), way=way, events=events
+    )
+
+
+def _events_here(events: Sequence[ContactEvent], path: RootPath, frame_time: float) -> tuple[ContactEvent, ...]:
+    """Events of a motion where they are when its steady way is undone, each at its own time between two frames."""
+    found, way = [], torch.cat((path.place, path.yaw[:, None]), dim=-1)
+    for event in events:
+        if event.position is not None:
+            at = event.time / frame_time
+            before = min(int(at), len(way) - 2)
+            now = torch.lerp(way[before], way[before + 1], at - before).unsqueeze(0)
+            turn, place = _undone(RootPath(now[:, :2], now[:, 2]))
+            there = turn[0] @ (place.new_tensor(event.position) - place[0])
+            event = replace(event, position=tuple(there.tolist()))
+        found.append(event)
+    return tuple(found)
 
 
 def with_ground_root(take: Take, name: str) -> Take:

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import SIDES
+from hopdiff.export.contact_events import contact_events, with_feet
 from hopdiff.export.full_body import full_body, is_model_body
 from hopdiff.export.glb import clip_extras
 from hopdiff.export.hanging import TRUNK
@@ -63,6 +64,7 @@ def retargeted(take: Take, target: Target) -> Take:
     joint on the ground carries the steady way in GLB files.
     numbers: what holds for this body, too, lengths and speed scaled; body, parts found, and leg_ratio. Apply this to
     motions that travel: those in place slide over the ground.
+    Contacts begin and end when the source's do.
     Raises HopdiffError if the parts of the take's own skeleton cannot be told.
     """
     if is_model_body(take.clip.skeleton) and take.contact is not None:
@@ -81,6 +83,7 @@ def retargeted(take: Take, target: Target) -> Take:
     unknown: dict[str, Any] = dict.fromkeys(("com", "leg_force", "masses", "force", "cop", "segments"))
     parts = {part: target.skeleton.names[joint] for part, joint in target.parts.items()}
     found = replace(take, clip=clip, feet=feet, numbers=numbers, parts=parts, **unknown)
+    found = with_feet(found, contact_events(take))
     return with_way_on_root(found, target.parts["pelvis"]) if _ground_root(target) else found
 
 

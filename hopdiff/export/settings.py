@@ -72,7 +72,8 @@ class ClipSettings:
         if not 1 <= self.cycles <= MAX_CYCLES:
             raise HopdiffError(f"{where}.cycles must lie between 1 and {MAX_CYCLES}, not {self.cycles}.")
         for name in self.clip_names:
-            if not isinstance(name, str) or not name or set(re.findall(r"{(.*?)}", name)) - set(IN_NAMES):
+            words = "|".join(IN_NAMES)
+            if not isinstance(name, str) or not name or re.search("[{}]", re.sub(f"{{({words})}}", "", name)):
                 raise HopdiffError(
                     f"{where}.clip must be a name, or a list of names, in which {{{'}, {'.join(IN_NAMES)}}} may stand,"
                     f" not {name!r}."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.editing.leg_joints import find_legs
-from hopdiff.editing.loop import is_loop, repeated, repetitions
+from hopdiff.editing.loop import Repetition, is_loop, repeated, repetitions
 from hopdiff.feet.contacts import contact_points, find_contacts
 from hopdiff.geometry.clip import Clip
 from hopdiff.geometry.quaternion import slerp
@@ -24,6 +24,35 @@ CLOSED = 1e-3  # m by which joints may be off where a loop goes on: standing fee
 RIGID = 1e-3  # m by which joints may move against their parents and still be taken for fixed
 MAX_FRAMES = 1_000_000
 PLACES = ("feet", "com", "cop")  # fields that are points in the world
+DIGITS = 6  # behind the point, of numbers in files
+
+
+@dataclass(frozen=True)
+class ContactEvent:
+    """A foot that comes down, or leaves the ground. time [s] from the first frame; phase: of the stride, 0 and 1 at
+    left touchdowns, None where there is no stride; position: (x, y, z) of the foot's contact point [m], if known."""
+
+    foot: str
+    down: bool
+    time: float
+    phase: float | None
+    position: tuple[float, ...] | None
+
+    @property
+    def name(self) -> str:
+        """LeftDown, LeftUp, RightDown or RightUp: what sync markers are called."""
+        return f"{self.foot.capitalize()}{'Down' if self.down else 'Up'}"
+
+    def plain(self) -> dict[str, Any]:
+        """The event for a file."""
+        return {
+            "name": self.name,
+            "foot": self.foot,
+            "event": "touchdown" if self.down else "takeoff",
+            "time": round(self.time, DIGITS),
+            "phase": None if self.phase is None else round(self.phase, DIGITS),
+            "position": None if self.position is None else [round(value, DIGITS) for value in self.position],
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +80,9 @@ class Take:
     masses: of the body's eleven segments by joint [kg]. force, cop: (T, 2, 3) ground force on each foot [N] and its
     centre of pressure [m]. segments: the rigid parts that its joints move. way: (T, 3) of a motion on the spot the way
     that was left out: x, z [m] and yaw [rad]. parts: of the body, by the names of `full_body`, -> joint; None where
-    names and shape tell them. What is not known is None. numbers: about the motion, for people (what metrics.json
-    holds). notes: sentences for the user on how its file was read.
+    names and shape tell them. events: when feet come down and leave, as known from the frames that the clip was made
+    of; None where `contact_events` shall find them in its own. What is not known is None. numbers: about the motion,
+    for people (what metrics.json holds). notes: sentences for the user on how its file was read.
     """
 
     name: str
@@ -70,6 +100,7 @@ class Take:
     notes: tuple[str, ...] = ()
     way: Tensor | None = None
     parts: Mapping[str, str] | None = None
+    events: tuple[ContactEvent, ...] | None = None
 
     @property
     def frames(self) -> int:
@@ -138,13 +169,26 @@ class Take:
         clip = repeated(self.clip, count)
         if (moving := self.clip.offsets) is not None:
             clip = replace(clip, offsets=torch.cat((moving[:1], *(moving[1:] for _ in range(count)))))
-        return replace(self, clip=clip, **others)
+        return replace(self, clip=clip, events=self._events_in(places), **others)
+
+    def _events_in(self, places: Sequence[Repetition]) -> tuple[ContactEvent, ...] | None:
+        """Events of a loop that is laid end to end in these places."""
+        if self.events is None:
+            return None
+        found = []
+        for k, one in enumerate(places):
+            for event in self.events:
+                there = None if event.position is None else one.points(one.here.new_tensor(event.position))
+                place = None if there is None else tuple(there.tolist())
+                found.append(replace(event, time=event.time + k * self.clip.duration, position=place))
+        return tuple(found)
 
     def resampled(self, fps: float, exact: bool) -> Take:
         """The same motion, as fast, at other frames a second.
 
         exact: whether frames lie exactly 1 / fps apart, and a loop then ends up to a frame early; otherwise a whole
-        number of frames fills the duration, and the time between them is as near to 1 / fps as that allows.
+        number of frames fills the duration, and the time between them is as near to 1 / fps as that allows. Events that
+        the take carries stay when they are.
         """
         duration = self.clip.duration
         if duration <= 0.0:
@@ -160,7 +204,8 @@ class Take:
         times = torch.arange(count + 1, dtype=torch.float64) * frame_time / self.clip.frame_time
         if len(times) == self.frames and float((times - torch.arange(self.frames)).abs().max()) < 1e-9:
             return self
-        return self.at(times, frame_time)
+        found = self.at(times, frame_time)
+        return replace(found, events=self._events_until(found.clip.duration))
 
     def at(self, times: Tensor, frame_time: float) -> Take:
         """The motion at times (T,) [frames, from the first to the last], told to be frame_time [s] apart."""
@@ -184,7 +229,13 @@ class Take:
         others: dict[str, Any] = {
             entry: values[nearest] if entry == "contact" else between(values) for entry, values in _along(self).items()
         }
-        return replace(self, clip=resampled, **others)
+        return replace(self, clip=resampled, events=None, **others)
+
+    def _events_until(self, end: float) -> tuple[ContactEvent, ...] | None:
+        """Events of the same motion that ends at `end` [s], up to a frame early; those of a loop are all in it."""
+        if self.events is None or not self.loop:
+            return self.events and tuple(event for event in self.events if event.time < end + 1e-9)
+        return tuple(replace(event, time=min(event.time, end)) for event in self.events)
 
 
 def _along(take: Take) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hopdiff.export.prepare import named, prepared
@@ -15,39 +15,70 @@ from hopdiff.types import HopdiffError
 TOLD_BY = {"search": "", "model": "", "character": "", "genes": "", "seed": "seed"}  # numbers that differ in sweeps
 
 
-def write_exports(
-    takes: Sequence[Take], exports: Mapping[str, ExportSettings], folder: Path
-) -> list[tuple[Path, Take]]:
-    """Write takes in every wanted form; returns the files, each with the first motion in it.
+@dataclass(frozen=True, eq=False)
+class Output:
+    """A file that is about to be written. export: the name of its settings. takes: what goes into it, ready. notes:
+    sentences for the user on them."""
+
+    export: str
+    path: Path
+    takes: Sequence[Take]
+    settings: ExportSettings
+    notes: Sequence[str] = ()
+
+    @property
+    def files(self) -> list[Path]:
+        """The file, and what is written beside it."""
+        return [self.path, *(self.path.with_suffix(suffix) for suffix in self.settings.format.beside)]
+
+    def write(self) -> None:
+        """Raises HopdiffError, naming the setting, if it cannot be written."""
+        try:
+            self.settings.format.write(self.path, self.takes, self.settings)
+        except HopdiffError as error:
+            raise HopdiffError(f"exports.{self.export}: {error}") from error
+
+
+def outputs(takes: Sequence[Take], exports: Mapping[str, ExportSettings], folder: Path) -> list[Output]:
+    """All that takes are to be written as, made but not written.
 
     exports: checked settings by name. GLB, FBX and HTML files, sprite sheets, events and blend spaces hold all takes;
-    of the other kinds there is a file for each. All motions are made before the first file is written. Raises
-    HopdiffError, naming the setting, for what a motion does not allow, for two files of one name, or a file that cannot
-    be written.
+    of the other kinds there is a file for each. Raises HopdiffError, naming the setting, for what a motion does not
+    allow, or for two files of one name.
     """
-    jobs: list[tuple[str, Path, list[Take], ExportSettings]] = []
+    found: list[Output] = []
     for name, settings in exports.items():
         try:
             ready = named([prepared(take, settings) for take in takes], settings)
+            notes = settings.format.review(ready) if settings.format.review is not None else ()
         except HopdiffError as error:
             raise HopdiffError(f"exports.{name}: {error}") from error
         whole = folder / settings.file_name(name)
         if settings.format.together or len(takes) == 1:
-            jobs.append((name, whole, ready, settings))
+            found.append(Output(name, whole, ready, settings, notes))
         else:
-            jobs += [(name, whole.with_stem(f"{whole.stem}_{plain(take.name)}"), [take], settings) for take in ready]
-    different([one.name for _, path, _, settings in jobs for one in _all_of(path, settings)])
-    for name, path, ready, settings in jobs:
-        try:
-            settings.format.write(path, ready, settings)
-        except HopdiffError as error:
-            raise HopdiffError(f"exports.{name}: {error}") from error
-    return [(one, ready[0]) for _, path, ready, settings in jobs for one in _all_of(path, settings)]
+            lots = [(whole.with_stem(f"{whole.stem}_{plain(take.name)}"), take) for take in ready]
+            found += [Output(name, path, [take], settings) for path, take in lots]
+    different([path.name for one in found for path in one.files])
+    return found
 
 
-def _all_of(path: Path, settings: ExportSettings) -> list[Path]:
-    """A file and what is written beside it."""
-    return [path, *(path.with_suffix(suffix) for suffix in settings.format.beside)]
+def write_exports(
+    takes: Sequence[Take], exports: Mapping[str, ExportSettings], folder: Path
+) -> list[tuple[Path, Output]]:
+    """Write takes in every wanted form; returns the files, each with what it was made of.
+
+    All motions are made before the first file is written. Raises HopdiffError as `outputs` does, or for a file that
+    cannot be written.
+    """
+    return written(outputs(takes, exports, folder))
+
+
+def written(found: Sequence[Output]) -> list[tuple[Path, Output]]:
+    """Write what is ready; returns the files. Raises HopdiffError, naming the setting, for one that cannot be."""
+    for one in found:
+        one.write()
+    return [(path, one) for one in found for path in one.files]
 
 
 def different(files: Sequence[str]) -> None:

@@ -17,14 +17,14 @@ from hopdiff.export.settings import RetargetSettings
 from hopdiff.export.skin_check import SkinCheck, worst_of
 from hopdiff.export.tables import read_npz
 from hopdiff.export.take import Take
-from hopdiff.export.write import distinct, plain, write_exports
+from hopdiff.export.write import Output, distinct, outputs, plain, written
 from hopdiff.geometry.rotation import axis_rotation
 from hopdiff.io.bvh import read_bvh
 from hopdiff.io.files import read_json, write_whole
 from hopdiff.io.record import write_json
 from hopdiff.io.run_folder import Note, RunFolder
 from hopdiff.job import run_name
-from hopdiff.messages import say
+from hopdiff.messages import plural, say
 from hopdiff.runs.folders import find_runs
 from hopdiff.tasks.base import Call, Task, Work
 from hopdiff.tasks.results import shown
@@ -44,10 +44,12 @@ class ExportTask:
 
 @dataclass(frozen=True)
 class Written:
-    """files: that were written, each with the first motion in it. checks: of the skin of another body, by motion."""
+    """files: that were written, each with words on what is in it. checks: of the skin of another body, by motion.
+    notes: by the name of the export."""
 
-    files: Sequence[tuple[Path, Take]]
+    files: Sequence[tuple[Path, str]]
     checks: Sequence[SkinCheck]
+    notes: Sequence[Note] = ()
 
 
 def build(call: Call) -> Work:
@@ -58,11 +60,11 @@ def build(call: Call) -> Work:
     takes = distinct([read_take(source) for source in sources])
 
     def work(folder: RunFolder) -> None:
-        written = _noted(folder, write_all(takes, call.exports, folder.path))
+        made = _noted(folder, write_all(takes, call.exports, folder.path))
         notes = [f"{take.name}: {note}" for take in takes for note in take.notes]
-        folder.notes = [Note("clip", note) for note in notes]
+        folder.notes += [Note("clip", note) for note in notes]
         told = [("note", note) for note in notes]
-        rows = [("motions", _motions(takes)), *_rows(written.files), *told, *_mapped(folder, call.exports, written)]
+        rows = [("motions", _motions(takes)), *_rows(made), *told, *_mapped(folder, call.exports, made)]
         rows.append(("files", shown(folder.path)))
         say("\n".join(f"{name:<9} {text}" for name, text in rows))
 
@@ -119,27 +121,32 @@ def export_result(folder: RunFolder, exports: Exports) -> None:
 
 def export_takes(folder: RunFolder, takes: Sequence[Take], exports: Exports) -> None:
     """Write motions that were just made into a run folder, and tell the user of the files."""
-    written = _noted(folder, write_all(takes, exports, folder.path))
-    rows = _rows(written.files) + _mapped(folder, exports, written)
+    made = _noted(folder, write_all(takes, exports, folder.path))
+    rows = _rows(made) + _mapped(folder, exports, made)
     say("\n".join(f"{name:<9} {text}" for name, text in rows))
 
 
 def write_all(takes: Sequence[Take], exports: Exports, folder: Path) -> Written:
-    """Write takes in all wanted forms.
+    """Write takes in all wanted forms, all of which are made before the first file is written.
 
     Raises HopdiffError for what a motion does not allow, or a file that cannot be written.
     """
-    written: list[tuple[Path, Take]] = []
+    files: list[tuple[Path, str]] = []
     checks: list[SkinCheck] = []
     if exports.target is not None:
         takes = on_target(takes, exports.target, exports.retarget)
+    ready = outputs(takes, exports.files, folder)
+    if exports.target is not None:
         suffix = exports.target.suffix
         lots = [("retargeted", takes)] if suffix != ".bvh" or len(takes) == 1 else []
         for name, lot in lots or [(f"retargeted_{plain(take.name)}", [take]) for take in takes]:
             path = folder / f"{name}{suffix}"
             checks += write_retargeted(path, lot, exports.target)
-            written.append((path, lot[0]))
-    return Written(written + write_exports(takes, exports.files, folder), checks)
+            files.append((path, _frames(lot)))
+    files += [(path, _content(one)) for path, one in written(ready)]
+    return Written(
+        files, checks, [Note(one.export, f"exports.{one.export}: {note}") for one in ready for note in one.notes]
+    )
 
 
 def on_target(takes: Sequence[Take], target: Target, settings: RetargetSettings) -> list[Take]:
@@ -154,13 +161,13 @@ def on_target(takes: Sequence[Take], target: Target, settings: RetargetSettings)
         raise HopdiffError(f"retarget: {error}") from error
 
 
-def _mapped(folder: RunFolder, exports: Exports, written: Written) -> list[tuple[str, str]]:
+def _mapped(folder: RunFolder, exports: Exports, made: Written) -> list[tuple[str, str]]:
     """Lines for people on the parts that were found on another body, and on its skin. The same goes into the metrics of
     a run, or a file of its own where there are none; parts that were not found may be filled in in a third."""
     if exports.target is None:
         return []
     report, name = exports.target.report(), Path(exports.target.name).name
-    worst = worst_of(written.checks)
+    worst = worst_of(made.checks)
     numbers = {**report.numbers(), "notes": list(exports.target.notes), "skin": worst.numbers() if worst else None}
     metrics = folder.path / "metrics.json"
     if metrics.is_file():
@@ -172,7 +179,7 @@ def _mapped(folder: RunFolder, exports: Exports, written: Written) -> list[tuple
     rows = [("body", report.sentence())]
     rows += [("skin", worst.sentence())] if worst else []
     told = [report.warning(), *exports.target.notes]
-    told += dict.fromkeys(warning for check in written.checks for warning in check.warnings(name))
+    told += dict.fromkeys(warning for check in made.checks for warning in check.warnings(name))
     for sentence in told:
         if sentence is not None:
             folder.notes.append(Note("retarget", sentence))
@@ -180,19 +187,21 @@ def _mapped(folder: RunFolder, exports: Exports, written: Written) -> list[tuple
     return rows
 
 
-def _noted(folder: RunFolder, written: Written) -> Written:
-    """What was written, folders among it known as the run's own."""
-    folder.folders += [path.name for path, _ in written.files if path.is_dir()]
-    return written
+def _noted(folder: RunFolder, made: Written) -> Written:
+    """What was written, folders among it known as the run's own, notes on it kept."""
+    folder.folders += [path.name for path, _ in made.files if path.is_dir()]
+    folder.notes += made.notes
+    return made
 
 
-def _rows(written: Sequence[tuple[Path, Take]]) -> list[tuple[str, str]]:
-    """Lines for people: what, and file with its size."""
-    wide = max(len(path.name) for path, _ in written)
-    return [
-        ("exported" if k == 0 else "", f"{path.name:<{wide}}  {_size(path):>7}  {_frames(take)}")
-        for k, (path, take) in enumerate(written)
+def _rows(made: Written) -> list[tuple[str, str]]:
+    """Lines for people: what, and file with its size; then the notes."""
+    wide = max(len(path.name) for path, _ in made.files)
+    rows = [
+        ("exported" if k == 0 else "", f"{path.name:<{wide}}  {_size(path):>7}  {words}")
+        for k, (path, words) in enumerate(made.files)
     ]
+    return rows + [("note", note.sentence) for note in made.notes]
 
 
 def _size(path: Path) -> str:
@@ -200,9 +209,20 @@ def _size(path: Path) -> str:
     return f"{math.ceil(size / 1000)} kB" if size < 1e6 else f"{size / 1e6:.1f} MB"
 
 
-def _frames(take: Take) -> str:
-    """Where a whole number of frames fills a loop they do not lie at the frame rate that was asked for."""
-    return f"{take.frames} frames at {1.0 / take.clip.frame_time:.2f}/s" + (", loops" if take.loop else "")
+def _content(output: Output) -> str:
+    """Words on what is in a file."""
+    pictures = output.settings.format.pictures
+    return _frames(output.takes, None if pictures is None else pictures(output.takes, output.settings))
+
+
+def _frames(takes: Sequence[Take], pictures: int | None = None) -> str:
+    """Words on the motions of a file, and how many pictures it has of them. Where a whole number of frames fills a loop
+    they do not lie at the frame rate that was asked for."""
+    take, count = takes[0], sum(one.frames for one in takes)
+    what = plural(count, "frame") if pictures is None else plural(pictures, "picture")
+    if len(takes) > 1:
+        return f"{len(takes)} motions, {what}"
+    return f"{what} at {1.0 / take.clip.frame_time:.2f}/s" + (", loops" if take.loop else "")
 
 
 def _motions(takes: Sequence[Take]) -> str:

@@ -142,7 +142,8 @@ def test_what_cannot_be_blended_is_refused(tmp_path: Path) -> None:
         ([clips[0], heavy], r"run_3_0.7 is of another body than run_3_0.2"),
         ([clips[0], long], r"run_3_0.7 is of another body than run_3_0.2"),
         ([replace(clips[0], numbers={})], r"run_3_0.2 has no place in a blend space: its speed is not known"),
-        ([clips[0], replace(clips[1], loop=False)], r"run_3_0.7 is no loop of as many keys"),
+        ([clips[0], replace(clips[1], loop=False)], r"run_3_0.7 is no loop, it does not end as it began"),
+        ([clips[0], clips[1].at(torch.arange(9).double(), 0.02)], r"run_3_0.7 has other keys than run_3_0.2: set keys"),
     ):
         with pytest.raises(HopdiffError, match=message):
             BlendSpace.of(takes)

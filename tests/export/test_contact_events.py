@@ -4,13 +4,20 @@ import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
+from hopdiff.export.anatomy import parts_of
 from hopdiff.export.contact_events import contact_events, root_motion
 from hopdiff.export.full_body import full_body
-from hopdiff.export.prepare import in_place
+from hopdiff.export.ground import ground_path
+from hopdiff.export.one_stride import one_stride
+from hopdiff.export.pose import mirrored
+from hopdiff.export.prepare import in_place, in_place_if, with_clip
+from hopdiff.export.retarget import retargeted, target_of
+from hopdiff.export.settings import ExportSettings
 from hopdiff.export.take import Take
 from hopdiff.export.write import write_exports
 from tests.builders import make_problem, valid_genes
@@ -76,6 +83,80 @@ def test_a_walk_that_was_captured_has_alternating_contacts() -> None:
     landings = [event.phase for event in events if event.name == "LeftDown"]
     assert landings == pytest.approx([0.0] * len(landings), abs=1e-6)
     assert contact_events(Take("still", take.clip, False)) == []
+
+
+OTHER_FRAMES = ({"fps": 30.0}, {"fps": 30.0, "cycles": 4}, {"fps": 60.0, "frames": "exact", "cycles": 4})
+
+
+@pytest.mark.parametrize("root", ["travelling", "in_place"])
+@pytest.mark.parametrize("asked", OTHER_FRAMES)
+def test_events_do_not_hang_on_the_frames_that_are_asked_for(asked: dict[str, Any], root: str) -> None:
+    """Against those of one stride at the frames that the run was made of."""
+    take = replace(own(), numbers={"stride_time": own().clip.duration})
+    settings = ExportSettings("events", root=root, **asked)
+    once, travel = contact_events(take), 3.0 * take.clip.duration
+    here = contact_events(in_place(with_clip(take, ExportSettings("events"))))
+    found = contact_events(in_place_if(with_clip(take, settings), settings))
+    assert len(found) == settings.cycles * len(once)
+    start = ground_path(take).place[0, 1]
+    for k, event in enumerate(found):
+        alike, cycle = once[k % len(once)], k // len(once)
+        assert (event.name, event.phase) == (alike.name, pytest.approx(alike.phase, abs=1e-6))
+        assert event.time == pytest.approx(alike.time + cycle * take.clip.duration, abs=1e-6)
+        assert event.position is not None
+        assert alike.position is not None
+        x, y, z = alike.position
+        if root == "travelling":
+            assert event.position == pytest.approx((x, y, z + cycle * travel), abs=1e-3)
+            continue
+        assert event.position == pytest.approx(here[k % len(once)].position, abs=4e-3)
+        # The world goes by below the body at its speed.
+        assert event.position[2] == pytest.approx(z - float(start) - 3.0 * alike.time, abs=1e-2)
+
+
+def test_another_body_has_the_times_of_the_run_and_places_of_its_own_feet() -> None:
+    take = own()
+    body = full_body(take).clip.skeleton
+    small = replace(
+        body, offsets=0.5 * body.offsets, end_sites={name: 0.5 * end for name, end in body.end_sites.items()}
+    )
+    settings = ExportSettings("events", fps=30.0)
+    moved = retargeted(with_clip(take, settings), target_of("small", small, parts_of(small)))
+    assert moved.feet is not None
+    once, found = contact_events(take), contact_events(moved)
+    assert [(event.name, event.time) for event in found] == [
+        (event.name, pytest.approx(event.time, abs=1e-6)) for event in once
+    ]
+    for event, alike in zip(found, once, strict=True):
+        assert event.position is not None
+        assert alike.position is not None
+        side = ("left", "right").index(event.foot)
+        gone = (moved.feet[:, side] - moved.feet.new_tensor(event.position)).norm(dim=-1)
+        at = event.time / moved.clip.frame_time
+        assert abs(int(gone.argmin()) - at) <= 1.0
+        assert float(gone.min()) < 1e-6
+        # Half as long legs, half as far; where a foot stands on its ball it is ahead of where it comes down.
+        assert event.position[2] == pytest.approx(0.5 * alike.position[2], abs=0.15)
+    twice = contact_events(moved.repeated(2))
+    assert [event.time for event in twice[len(once) :]] == pytest.approx(
+        [event.time + take.clip.duration for event in once], abs=1e-6
+    )
+
+
+def test_events_go_where_the_time_of_a_take_goes() -> None:
+    """Carried ones are those that are found anew at the frames of the run."""
+    take = with_clip(own(), ExportSettings("events"))
+    for carried, anew in (
+        (take.repeated(3), own().repeated(3)),
+        (mirrored(take), mirrored(own())),
+        (one_stride(take, 40), one_stride(own(), 40)),
+        (take.at(torch.arange(9).double(), 0.02), own().at(torch.arange(9).double(), 0.02)),
+    ):
+        found, expected = contact_events(carried), contact_events(anew)
+        assert [event.name for event in found] == [event.name for event in expected]
+        for event, alike in zip(found, expected, strict=True):
+            assert (event.time, event.phase) == (pytest.approx(alike.time), pytest.approx(alike.phase))
+            assert event.position == pytest.approx(alike.position, abs=1e-9)
 
 
 def test_root_motion_is_the_way_also_of_what_runs_on_the_spot() -> None:

@@ -123,6 +123,10 @@ def test_names_are_told_apart() -> None:
         ("order=XXY", "Unknown exports.glb.order"),
         ("root=fixed", "Unknown exports.glb.root"),
         ("clip='Run{pace}'", r"exports.glb.clip must be a name.*'Run\{pace\}'"),
+        ("clip='{speed'", r"exports.glb.clip must be a name.*'\{speed'"),
+        ("clip='speed}'", r"exports.glb.clip must be a name.*'speed\}'"),
+        ("clip='{{speed}}'", r"exports.glb.clip must be a name.*'\{\{speed\}\}'"),
+        ("clip='Run{}'", r"exports.glb.clip must be a name.*'Run\{\}'"),
         ("clip=[Run,2]", r"exports.glb.clip must be a name.*not 2"),
         ("file=a/b", "exports.glb.file must be the name of a file"),
         ("kind=obj", "Unknown exports.glb.kind"),
@@ -168,6 +172,10 @@ def test_clips_are_called_as_one_likes(tmp_path: Path) -> None:
 
     assert names("clip=[Jog,Run]") == ["Jog", "Run"]
     assert names("clip='{name}_{speed}_{beta}'") == ["run_3_0.2", "run_seed1_4.5_0.7"]
+    # Three digits of a speed, and on another body those of the run.
+    run = replace(own(), numbers={"speed": 0.9 * 4.123456, "beta": 0.5, "leg_ratio": 0.9})
+    [(path, _)] = write_exports([run], {"glb": preset("glb", "clip='r_{speed}_{beta}'")}, tmp_path)
+    assert [one["name"] for one in Gltf.of(path.read_bytes()).content["animations"]] == ["r_4.12_0.5"]
     # Godot takes a loop for one by its name.
     assert names("loop_suffix=true") == ["run-loop", "run_seed1"]
     for setting, message in (

@@ -59,17 +59,23 @@ def test_every_crossing_is_a_run_and_a_clip(grid: Path) -> None:
 
 
 def test_finished_runs_are_a_space_too_and_need_not_be_all(
-    grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("task=export", f"runs={grid / 'runs'}", "export=[blendspace]")
     assert call(monkeypatch, tmp_path / "whole", *words) == 0
     ours, again = (json.loads((folder / "blendspace.json").read_text()) for folder in (grid, tmp_path / "whole"))
     assert sorted(ours["clips"], key=lambda clip: clip["name"]) == sorted(again["clips"], key=lambda clip: clip["name"])
+    assert "lacks" not in capsys.readouterr().out
+    assert json.loads((tmp_path / "whole" / "status.json").read_text())["notes"] == []
     three = ",".join(str(grid / "runs" / name) for name in ("v3_beta0.2", "v3_beta0.7", "v4_beta0.7"))
     assert call(monkeypatch, tmp_path / "part", "task=export", f"run=[{three}]", "export=[blendspace]") == 0
     assert json.loads((tmp_path / "part" / "blendspace.json").read_text())["missing"] == [
         {"speed": 4.0, "beta": 0.2, "turn": 0.0}
     ]
+    told = "exports.blendspace: the grid lacks 1 clip: speed 4, beta 0.2, turn 0."
+    assert f"note      {told}" in capsys.readouterr().out.splitlines()
+    notes = json.loads((tmp_path / "part" / "status.json").read_text())["notes"]
+    assert notes == [{"flag": "blendspace", "sentence": told}]
 
 
 @pytest.mark.parametrize("rooted", [False, True])

@@ -2,16 +2,18 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
 import torch
+from PIL import Image
 
 from hopdiff.cli import main
 from hopdiff.export.tables import read_npz
 from hopdiff.io.bvh import read_bvh
 from tests.export.gltf import Gltf
-from tests.export.rigs import skeleton, write_rest
+from tests.export.rigs import armature, skeleton, write_rest
 from tests.people import file_of
 
 PRESETS = "export=[glb,glb_unreal,glb_mixamo,bvh_blender,bvh_unity,bvh_unreal,csv,npz]"
@@ -101,6 +103,22 @@ def test_edits_are_exported_too(finished: Path, tmp_path: Path, monkeypatch: pyt
         (("task=export", "run=RUN", "export=gbl"), "Unknown export 'gbl': choose one of bvh_blender"),
         (("task=export", "run=RUN", "export=[glb,gbl]"), "Unknown export 'gbl'"),
         (("task=export", "run=RUN", "exports.glb.fps=30"), "exports.glb is there once it is chosen: add export=[glb]"),
+        (
+            ("task=export", "run=RUN", "export=glb", "exports.glbb.fps=30"),
+            "there is no export of that name. Did you mean",
+        ),
+        (
+            ("task=export", "run=RUN", "export=glb", "exports.qq.fps=30"),
+            "exports.qq: there is no export of that name. py",
+        ),
+        (
+            ("task=export", "run=RUN", "export=glb", "retarget.fps=30"),
+            "retarget.fps has no effect without retarget.skel",
+        ),
+        (
+            ("task=export", "run=RUN", "export=glb", "retarget.clip=a"),
+            "retarget.clip has no effect without retarget.ske",
+        ),
         (("task=export", "run=RUN", "export=glb", "exports.glb.fsp=30"), "Did you mean 'exports.glb.fps'?"),
         (("task=export", "run=RUN", "export=[glb]", "exports.glb.cycles=0"), "exports.glb.cycles must lie between"),
         (("task=compare", "runs=RUN", "export=glb"), "export has no effect with task=compare"),
@@ -179,3 +197,68 @@ def test_what_retarget_cannot_be_is_told_by_its_name(
         words = ("task=export", f"run={finished}", f"retarget.skeleton={hero}", word)
         assert call(monkeypatch, tmp_path / "none", *words) != 0
         assert message in capsys.readouterr().err
+
+
+def test_a_name_with_the_speed_is_that_of_the_run_on_another_body(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hero, body = tmp_path / "hero.glb", skeleton()
+    small = type(body)(body.names, body.parents, 0.77 * body.offsets, body.end_sites)
+    hero.write_bytes(armature(small))
+    words = ("task=export", f"run={finished}", f"retarget.skeleton={hero}", "export=[glb]")
+    names = ("retarget.clip='q_{speed}'", "exports.glb.clip='r_{speed}'")
+    assert call(monkeypatch, tmp_path / "out", *words, *names) == 0
+    speed = json.loads((finished / "metrics.json").read_text())["speed"]
+    for file, name in (("retargeted.glb", "q"), ("motion.glb", "r")):
+        clips = Gltf.of((tmp_path / "out" / file).read_bytes()).content["animations"]
+        assert f"{name}_{speed:g}" in [clip["name"] for clip in clips]
+
+
+@pytest.mark.parametrize("keys", [True, False])
+def test_several_strides_on_another_body_are_no_blend_space_and_nothing_is_written(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], keys: bool
+) -> None:
+    hero = tmp_path / "hero.glb"
+    hero.write_bytes(armature(skeleton()))
+    words = ("task=export", f"run={finished}", f"retarget.skeleton={hero}", "export=[html,events,blendspace]")
+    more = ("retarget.keys=64",) if keys else ()
+    assert call(monkeypatch, tmp_path / "out", *words, "retarget.cycles=3", *more) == 1
+    said = capsys.readouterr().err
+    assert "exports.blendspace is of single strides, of which retarget.cycles=3" in said
+    assert ("retarget.keys" in said) is not keys
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_cannot_be_blended_leaves_no_other_files(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = f"run=[{finished},{finished}]"
+    assert call(monkeypatch, tmp_path / "out", "task=export", both, "export=[html,events,blendspace]") == 1
+    assert "leave one of them out" in capsys.readouterr().err
+    assert not list((tmp_path / "out").glob("motion*"))
+
+
+def test_the_lines_of_files_count_what_is_in_them(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    small = ("export=[sprites,apng,frames,glb]", *(f"exports.{name}.size=16" for name in ("sprites", "apng", "frames")))
+    words = ("task=export", f"run={finished}", *small, "exports.sprites.view=four")
+    assert call(monkeypatch, tmp_path / "one", *words, "exports.apng.view=[front,side]") == 0
+    rows: dict[str, str] = {}
+    files = ("sprites.png", "motion_apng.png", "motion_frames", "motion.glb")
+    for row in capsys.readouterr().out.splitlines():
+        if name := next((file for file in files if f" {file} " in row), None):
+            rows[name] = row.split("B ")[1].split(" at ")[0].strip()
+    index = json.loads((tmp_path / "one" / "sprites.json").read_text())
+    with Image.open(tmp_path / "one" / "motion_apng.png") as apng:
+        pictures = apng.n_frames
+    assert rows["sprites.png"] == f"{len(index['frames'])} pictures"
+    assert rows["motion_apng.png"] == f"{pictures} pictures"
+    assert rows["motion_frames"] == f"{len(list((tmp_path / 'one' / 'motion_frames').iterdir()))} pictures"
+    # The frame on which a loop begins again is a key of clips.
+    assert rows["motion.glb"].endswith("frames")
+    assert call(monkeypatch, tmp_path / "two", "task=export", f"run=[{finished},{finished}]", *small[:2]) == 0
+    out = capsys.readouterr().out
+    index = json.loads((tmp_path / "two" / "sprites.json").read_text())
+    assert f"2 motions, {len(index['frames'])} pictures" in out
+    assert re.search(r"motion\.glb .* 2 motions, \d+ frames", out)

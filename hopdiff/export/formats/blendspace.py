@@ -13,7 +13,10 @@ from hopdiff.export.settings import ExportSettings
 from hopdiff.export.take import Take
 from hopdiff.io.files import write_whole
 from hopdiff.io.record import write_json
+from hopdiff.messages import plural
 from hopdiff.types import HopdiffError
+
+MOST_TOLD = 5  # crossings without a clip that are named
 
 
 def _check(settings: ExportSettings) -> None:
@@ -32,4 +35,13 @@ def _write(path: Path, takes: Sequence[Take], settings: ExportSettings) -> None:
     write_whole(path.with_suffix(".html"), page)
 
 
-FORMAT = Format(".glb", _write, together=True, axes=True, beside=(".json", ".html"), check=_check)
+def _review(takes: Sequence[Take]) -> list[str]:
+    missing = BlendSpace.of(takes).missing
+    if not missing:
+        return []
+    places = [f"speed {speed:g}, beta {beta:g}, turn {turn:g}" for speed, beta, turn in missing[:MOST_TOLD]]
+    more = f"; and {len(missing) - MOST_TOLD} more" if len(missing) > MOST_TOLD else ""
+    return [f"the grid lacks {plural(len(missing), 'clip')}: {'; '.join(places)}{more}."]
+
+
+FORMAT = Format(".glb", _write, together=True, axes=True, beside=(".json", ".html"), check=_check, review=_review)

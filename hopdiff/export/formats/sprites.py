@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from hopdiff.export.format import Format
-from hopdiff.export.picture_files import write_sprites
+from hopdiff.export.picture_files import pictures_of_views, write_sprites
 
-FORMAT = Format(".png", write_sprites, together=True, beside=(".json",))
+FORMAT = Format(".png", write_sprites, together=True, beside=(".json",), pictures=pictures_of_views)
