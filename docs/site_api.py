@@ -20,6 +20,7 @@ OTHERS = (
     "hopdiff.geometry.skeleton.Skeleton",
     "hopdiff.export.take.Take",
     "hopdiff.export.take.Segments",
+    "hopdiff.export.take.ContactEvent",
     "hopdiff.search.loop.HistoryRow",
 )
 
