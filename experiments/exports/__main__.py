@@ -53,7 +53,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program = blender(given.blender)
     runs = list(own_runs(given.evaluations).values())
     # Pages are looked at in a browser, below.
-    wanted = {name: one for name, one in presets().items() if one.kind != "html" and (one.kind != "fbx" or program)}
+    # Blend spaces are looked at in the tests: they take loops of one body.
+    wanted = {
+        name: one
+        for name, one in presets().items()
+        if one.kind not in ("html", "blendspace") and (one.kind != "fbx" or program)
+    }
     with tempfile.TemporaryDirectory(prefix="hopdiff_exports_") as folder:
         files = export_all(runs, wanted, Path(folder))
         parts = [

@@ -161,7 +161,11 @@ def tried(path: Path, take: Take, known: int | None) -> Tried:
 
 def compressed(file: GlbFile) -> bool:
     """Whether a file's mesh is packed in a way that the reader of this study does not know."""
-    return any("compression" in name for name in file.content.get("extensionsUsed", ()))
+    content = file.content
+    primitives = [one for mesh in content.get("meshes", ()) for one in mesh["primitives"]]
+    return any(
+        "compression" in name for one in (*content["bufferViews"], *primitives) for name in one.get("extensions", ())
+    )
 
 
 def _total(rows: Sequence[Tried]) -> list[str]:
