@@ -56,15 +56,10 @@ def export_all(runs: Sequence[Take], presets: Mapping[str, ExportSettings], fold
         settings.check(name)
         own = folder / name
         own.mkdir(parents=True, exist_ok=True)
-        paths = [path for path, _ in write_exports(runs, {name: settings}, own)]
-        ready = [prepared(run, settings) for run in runs]
-        if len(paths) == 1:
-            files.append(Exported(name, settings, paths[0], tuple(ready), tuple(runs)))
-        else:
-            files += [
-                Exported(name, settings, path, (take,), (run,))
-                for path, take, run in zip(paths, ready, runs, strict=True)
-            ]
+        # Without what is written beside them, as an index is.
+        made = [output for path, output in write_exports(runs, {name: settings}, own) if path == output.path]
+        for output, own_runs in zip(made, [tuple(runs)] if len(made) == 1 else [(run,) for run in runs], strict=True):
+            files.append(Exported(name, settings, output.path, tuple(output.takes), own_runs))
     return files
 
 
