@@ -43,10 +43,16 @@ def loose_parts(skeleton: Skeleton, parts: Mapping[str, int], skin: Skin | None)
     for side in SIDES:
         for upper, lower in ENDS:
             above, own = found.get(f"{side}_{upper}"), found.get(f"{side}_{lower}")
+            called = named(skeleton.names, lower, side)
+            if own is not None and above is not None and own not in called and not _is_leaf(skeleton, own, skin):
+                # A piece of the limb where the one that is called so hangs elsewhere, further along.
+                far = [float((places[k] - places[above]).norm()) for k in (own, *called)]
+                beyond = [k for k, way in zip(called, far[1:], strict=True) if way > far[0] and k not in found.values()]
+                own = None if any(not _is_leaf(skeleton, k, skin) for k in beyond) else own
             if above is None or (own is not None and not _is_leaf(skeleton, own, skin)):
                 continue
             # Where names do not tell, what hangs elsewhere lies at the leaf.
-            others = named(skeleton.names, lower, side) or _at(places, above, own)
+            others = called or _at(places, above, own)
             if lower == "toe":
                 # Where the ankle is called so, the foot is what hangs on it.
                 others += [k for k in named(skeleton.names, "ankle", side) if above in skeleton.above(k)]

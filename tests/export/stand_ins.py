@@ -90,7 +90,9 @@ def _rig(given: Family, seed: int, stocky: bool = False, shoes: bool = False) ->
     places = np.zeros((len(names), 3))
     for k, bone in enumerate(given.bones):
         over = places[parents[k]] if parents[k] >= 0 else np.zeros(3)
-        places[k] = over + bone.offset if bone.part is None else places_of[bone.part]
+        # The second half of a limb is as short as the limb.
+        offset = np.array(bone.offset) * (0.4 if stocky and bone.offset[1] < -0.1 else 1.0)
+        places[k] = over + offset if bone.part is None else places_of[bone.part]
     parts = {bone.part: k for k, bone in enumerate(given.bones) if bone.part is not None}
     vertices, weights, faces = _skin(parts, parents, places_of, len(names), 0.06 if shoes else 0.0)
     count = len(names)
