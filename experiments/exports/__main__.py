@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import platform
+import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,7 +30,7 @@ from experiments.exports.measure import (
 )
 from experiments.exports.runs import captured_clips, own_runs, presets
 from experiments.exports.validator import VARIABLE, modules
-from experiments.report import markdown
+from experiments.report import markdown, origin
 from hopdiff.export.fbx import find_blender
 from hopdiff.export.take import Take
 from hopdiff.io.files import write_whole
@@ -62,6 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with tempfile.TemporaryDirectory(prefix="hopdiff_exports_") as folder:
         files = export_all(runs, wanted, Path(folder))
         parts = [
+            origin("exports", sys.argv[1:] if arguments is None else arguments),
+            "",
             f"{processor()}, 1 thread, torch {torch.__version__}, Python {platform.python_version()}; searches of"
             f" {given.evaluations} evaluations; presets: {', '.join(wanted)}.",
             "",

@@ -105,7 +105,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     write_whole(given.out / "results.md", text)
     sheet(
-        given.out / "pictures" / "stand_ins.png", [(one.name, one.seen.shape) for one in made if one.seen is not None]
+        given.out / "pictures" / "stand_ins.png",
+        [(one.name, one.seen.shape, one.seen.edges) for one in made if one.seen is not None],
     )
     print(text)
 

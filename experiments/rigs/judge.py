@@ -22,7 +22,8 @@ class Seen:
     """sole: farthest that the lowest vertex is from the ground while a foot stands [m]. sunk: deepest in any frame [m].
     stretch: largest ratio of an edge to its length as stored, of those that grew by more than 3 cm; grown: by how much
     the edge did that grew most [m]. facing: from the way to where the character's front is [deg], seen from above.
-    height: of the character [m]. shape: (V, 3) in the middle of a contact."""
+    height: of the character [m]. shape: (V, 3) in the middle of a contact,
+    edges: (E, 2) of it."""
 
     sole: float
     sunk: float
@@ -31,6 +32,7 @@ class Seen:
     facing: float
     height: float
     shape: NDArray[np.float64]
+    edges: NDArray[np.int64]
 
 
 def seen(
@@ -67,7 +69,15 @@ def seen(
             shape = points
             facing.append(_off(rest, points, front, way))
     assert shape is not None, "a run has contacts"
-    return Seen(max(soles), max(sunk), max(stretch), max(most), float(np.median(facing)), max(heights), shape)
+    return Seen(
+        max(soles), max(sunk), max(stretch), max(most), float(np.median(facing)), max(heights), shape, _joined(played)
+    )
+
+
+def _joined(played: Played) -> NDArray[np.int64]:
+    """(E, 2) edges of all parts of a body together."""
+    firsts = np.cumsum([0, *(len(vertices) for vertices, *_ in played.skinned)])
+    return np.concatenate([edges + first for (_, edges, *_), first in zip(played.skinned, firsts, strict=False)])
 
 
 def _middles(contact: NDArray[np.bool_]) -> list[int]:
