@@ -100,7 +100,7 @@ def test_edits_are_exported_too(finished: Path, tmp_path: Path, monkeypatch: pyt
         (("task=export", "run=RUN"), "needs export=[...]"),
         (("task=export", "run={a: 1}", "export=glb"), "run must be a folder"),
         (("task=export", "run=RUN/metrics.json", "export=glb"), "BVH and NPZ files"),
-        (("task=export", "run=RUN", "export=gbl"), "Unknown export 'gbl': choose one of bvh_blender"),
+        (("task=export", "run=RUN", "export=gbl"), "Unknown export 'gbl': choose one of apng, blendspace, bvh_blender"),
         (("task=export", "run=RUN", "export=[glb,gbl]"), "Unknown export 'gbl'"),
         (("task=export", "run=RUN", "exports.glb.fps=30"), "exports.glb is there once it is chosen: add export=[glb]"),
         (
