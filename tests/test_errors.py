@@ -66,7 +66,7 @@ MISTAKES = {
     "model=smooth ~genes.genes.touchdown_angle": "'touchdown_angle' is missing",
     "costs=default": "costs=default cannot judge runs of model=body: take costs=human or effort.",
     "model=smooth costs=human": "costs=human cannot judge runs of model=smooth: take costs=default or thesis.",
-    "task=fly": "Unknown task 'fly': choose one of body, compare, edit, export, hopper, navigate, path, replay, run",
+    "task=fly": "Unknown task 'fly': choose one of blendspace, body, compare, edit, export",
     "task=replay": "task=replay needs genes_file=FILE",
     "task=compare": "task=compare needs runs=FOLDER",
     "+experiment=navigate way.seconds=9": "way.seconds is no setting any more; ways are limited by steps of the search",
