@@ -9,7 +9,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor
 
-from hopdiff.export.anatomy import CHAINS, REQUIRED
+from hopdiff.export.anatomy import CHAINS, REQUIRED, SPINE
 from hopdiff.export.skin import Skin
 from hopdiff.geometry.body_parts import rest_positions, toe_of
 from hopdiff.geometry.joint_names import SIDES, named
@@ -17,7 +17,7 @@ from hopdiff.geometry.skeleton import Skeleton
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.skeleton import JOINTS
 
-TRUNK = ("waist", "chest", "upper_chest")
+TRUNK = SPINE[1:4]  # between pelvis and neck
 ENDS = (("knee", "ankle"), ("ankle", "toe"), ("elbow", "wrist"))  # a part, and what may hang elsewhere
 AT = 0.02  # of the bone above a leaf up to which a joint is at its place
 NEAR = 0.35  # of the bone above it that an end may be from where a leaf marks it
@@ -80,7 +80,7 @@ def _at(places: Tensor, above: int, own: int | None) -> list[int]:
 
 def _is_leaf(skeleton: Skeleton, joint: int, skin: Skin | None) -> bool:
     """Whether a joint holds no skin, and nothing that hangs on it does."""
-    below = [k for k in range(len(skeleton.names)) if joint in (k, *skeleton.above(k))]
+    below = skeleton.below(joint)
     return len(below) == 1 if skin is None else not any(skin.everything(k) > 0.0 for k in below)
 
 

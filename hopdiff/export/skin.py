@@ -149,16 +149,12 @@ def skin_sole(
     None if the skin on these joints is none of a foot.
     """
 
-    def below(joint: int) -> list[int]:
-        return [k for k in range(len(places)) if joint in (k, *skeleton.above(k))]
-
-    at = places.numpy()
-    toes = [] if toe is None else below(toe)
-    own, front = skin.held_by(below(ankle)), skin.held_by(toes)
+    at, below = places.numpy(), skeleton.below(ankle)
+    own, front = skin.held_by(below), skin.held_by([] if toe is None else skeleton.below(toe))
     here = own >= HELD
     if here.sum() < 2 * FEW:
         # Of boxes few vertices are the foot's alone.
-        here = here | np.isin(skin.holder, below(ankle))
+        here = here | np.isin(skin.holder, below)
     if here.sum() < FEW:
         return None
     points = skin.vertices[here] - at[ankle]

@@ -22,7 +22,7 @@ from hopdiff.feet.contacts import spans
 from hopdiff.io.glb_accessors import Accessors
 from hopdiff.io.glb_file import GlbFile
 from hopdiff.io.glb_mesh import skinned_meshes
-from hopdiff.io.glb_parse import BIN, Matrix, ParsedGlb, parse_glb
+from hopdiff.io.glb_parse import Matrix, ParsedGlb, parse_glb
 
 LOOKS = 16  # frames of a motion that are looked at, those in contact among them
 STRETCHED = 2.0  # times its length at rest that an edge may have
@@ -155,7 +155,7 @@ def _looked_at(take: Take) -> NDArray[np.int64]:
 
 def _worlds(file: ParsedGlb, animation: Mapping[str, Any], times: Matrix) -> Matrix:
     """(T, J, 4, 4) of the joints in the world while an animation plays, at times (T,) [s]."""
-    accessors = Accessors(file.content, file.chunks[0][1] if file.chunks and file.chunks[0][0] == BIN else None)
+    accessors = Accessors(file.content, file.chunks)
     keys: dict[tuple[int, str], tuple[Matrix, Matrix]] = {}
     for channel in animation["channels"]:
         sampler = animation["samplers"][channel["sampler"]]
@@ -198,8 +198,7 @@ def _sole_error(places: Matrix, frames: NDArray[np.int64], take: Take, target: T
         if target.sole(leg) is None:
             continue
         foot = leg.knee if leg.ankle is None else leg.ankle
-        below = [j for j in range(len(target.places)) if foot in (j, *target.skeleton.above(j))]
-        held = skin.held_by(below) >= HELD
+        held = skin.held_by(target.skeleton.below(foot)) >= HELD
         stands = take.contact[torch.from_numpy(frames), k].numpy()
         if held.any() and stands.any():
             found.append(float(np.abs(places[stands][:, held, 1].min(axis=1)).max()))

@@ -90,7 +90,7 @@ class Target:
             return sole.depth
         if leg.ankle is None:
             return 0.0
-        below = [k for k in range(len(self.places)) if k == leg.ankle or leg.ankle in self.skeleton.above(k)]
+        below = self.skeleton.below(leg.ankle)
         heights = [float(self.places[k, 1]) for k in below]
         heights += [float(self.places[k, 1] + end[1]) for k in below if (end := self.end_of(k)) is not None]
         lowest, thigh = min(heights), self.places[leg.hip, 1] - self.places[leg.ankle, 1]

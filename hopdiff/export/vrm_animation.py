@@ -126,9 +126,7 @@ def _standing(target: Target, turned: Tensor) -> tuple[Tensor, dict[int, Tensor]
     ends = {}
     for side in SIDES:
         foot = target.parts.get(f"{side}_toe", target.parts[f"{side}_ankle"])
-        held = [
-            joint for joint in range(len(places)) if target.parts[f"{side}_ankle"] in (joint, *skeleton.above(joint))
-        ]
+        held = skeleton.below(target.parts[f"{side}_ankle"])
         points = [places[joint] for joint in held if joint != foot]
         points += [point for name, point in sites.items() if skeleton.index(name) in held]
         if points:

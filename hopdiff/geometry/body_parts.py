@@ -13,9 +13,8 @@ from hopdiff.geometry.joint_names import SIDES, is_helper, named
 from hopdiff.geometry.limb_names import ARM, LEG, limb_by_name
 from hopdiff.geometry.limb_shapes import Limb, Shape, arms_in, end_of_arm, legs_in
 from hopdiff.geometry.skeleton import Skeleton
-from hopdiff.geometry.trunk_parts import top_parts, trunk_parts
+from hopdiff.geometry.trunk_parts import ASIDE, top_parts, trunk_parts
 
-ASIDE = 0.02  # of the body's size from which on a joint belongs to a side
 ALIKE = 0.1  # share by which arms may differ in length
 LOW = 0.15  # of the way from a foot's lowest joint to the ankle up to which toes lie
 SHORTEST = 0.2  # of the body's size: arms are longer than ears
@@ -81,7 +80,7 @@ def body_parts(skeleton: Skeleton, skin: Collection[int] = ()) -> dict[str, int]
 def may_have_arms(skeleton: Skeleton) -> bool:
     """Whether anything besides the legs lies aside from the middle of the body."""
     legs, place = legs_of(skeleton), rest_positions(skeleton)
-    below = {joint for leg in legs for joint in range(len(place)) if leg.hip in (joint, *skeleton.above(joint))}
+    below = {joint for leg in legs for joint in skeleton.below(leg.hip)}
     held = {joint for leg in legs for joint in skeleton.above(leg.hip)}
     others = [joint for joint in range(len(place)) if joint not in below | held]
     if not legs or not others:

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdiff.geometry.joint_names import is_end, is_helper, plain_name
+from hopdiff.geometry.limb_names import UNLIKE
 from hopdiff.geometry.skeleton import Skeleton
 
 ASIDE = 0.01  # of the body's size from which on a joint belongs to a side
 MIRRORED = 0.03  # of the body's size by which a joint may lie beside the mirror image of its twin
-UNLIKE = 2.5  # how much longer one of a limb's two bones may be than the other
 HANGING = 0.7  # of its length by which a leg hangs down
 SHORTEST_LEG = 0.1  # of the body's height
 SHORTEST_ARM = 0.1  # of the body's size

@@ -35,6 +35,14 @@ class Skeleton:
             found.append(joint)
         return found
 
+    def below(self, joint: int) -> list[int]:
+        """A joint and all that hang on it, parents first."""
+        found = {joint: None}
+        for child in range(joint + 1, len(self.names)):
+            if self.parents[child] in found:
+                found[child] = None
+        return list(found)
+
     def forward(self, root_position: Tensor, rotations: Tensor, offsets: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Forward kinematics.
 

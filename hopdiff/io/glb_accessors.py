@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hopdiff.io.glb_unpack import MESHOPT, unpacked_view
 
+BIN = 0x004E4942  # kind of a chunk with data
 KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 T = TypeVar("T")
@@ -22,14 +23,14 @@ MOST = 12_000_000  # numbers of one accessor that are read: those of four millio
 
 
 class Accessors:
-    """The accessors of a file. content: its JSON. binary: of its first chunk, None without one.
+    """The accessors of a file. content: its JSON. chunks: (kind, bytes) that follow it.
 
     compressed: extensions whose data was asked for and cannot be read.
     """
 
-    def __init__(self, content: dict[str, Any], binary: bytes | None) -> None:
+    def __init__(self, content: dict[str, Any], chunks: Sequence[tuple[int, bytes]]) -> None:
         self.content = content
-        self.binary = binary
+        self.binary = chunks[0][1] if chunks and chunks[0][0] == BIN else None
         self.compressed: set[str] = set()
         self._buffers: dict[int, bytes | None] = {}
         self._unpacked: dict[int, bytes | None] = {}

@@ -22,7 +22,8 @@ from torch import Tensor
 
 from hopdiff.geometry.quaternion import from_quaternions, quaternions
 from hopdiff.geometry.skeleton import Skeleton
-from hopdiff.io.glb_parse import BIN, JSON, Matrix, ParsedGlb, parse_glb
+from hopdiff.io.glb_accessors import BIN
+from hopdiff.io.glb_parse import JSON, Matrix, ParsedGlb, parse_glb
 from hopdiff.io.glb_rest import turn_of
 from hopdiff.types import HopdiffError
 

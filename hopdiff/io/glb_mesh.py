@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdiff.io.glb_accessors import Accessors, extension
-from hopdiff.io.glb_parse import BIN, GlbSkin, Matrix, ParsedGlb, local_matrix
+from hopdiff.io.glb_parse import GlbSkin, Matrix, ParsedGlb, local_matrix
 from hopdiff.io.glb_unpack import DRACO, unpacked_mesh
 
 TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of glTF's primitives
@@ -50,7 +50,7 @@ class Meshes:
 def skinned_meshes(file: ParsedGlb) -> Meshes:
     """The meshes on a file's skeleton, at their own shape: morph targets count for nothing."""
     content = file.content
-    accessors = Accessors(content, file.chunks[0][1] if file.chunks and file.chunks[0][0] == BIN else None)
+    accessors = Accessors(content, file.chunks)
     skins = {skin.number: skin for skin in file.skins}
     found, unread, aside = [], list[str](), list[str]()
     carried = _carriers(file)

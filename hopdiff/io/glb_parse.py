@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdiff.io.glb_accessors import Accessors, extension
+from hopdiff.io.glb_accessors import BIN, Accessors, extension
 from hopdiff.io.glb_unpack import MESHOPT
 from hopdiff.types import HopdiffError
 
@@ -21,7 +21,7 @@ Chunks = tuple[tuple[int, bytes], ...]
 UNEVEN = 0.03  # share by which the scales of a joint may differ between its axes: what nobody sees
 FLAT = 1e-9  # of its size to the third that the volume of a matrix must be for it to have an inverse
 LONGEST = 1e6  # of any number in a node: what is larger is no place in a character
-JSON, BIN = 0x4E4F534A, 0x004E4942  # kinds of chunks
+JSON = 0x4E4F534A  # kind of the first chunk
 
 
 class GlbSkin(NamedTuple):
@@ -143,7 +143,7 @@ class _Reader:
             if k not in parents and free:
                 ends[k] = matrices[k] @ self.matrix(free[0])
         at = {node: k for k, node in enumerate(order)}
-        accessors = Accessors(self.content, chunks[0][1] if chunks and chunks[0][0] == BIN else None)
+        accessors = Accessors(self.content, chunks)
         own = [
             GlbSkin(index, tuple(at[node] for node in joints), self.inverse(index, len(joints), accessors))
             for index, joints in skins.items()

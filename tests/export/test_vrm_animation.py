@@ -265,7 +265,7 @@ def test_every_motion_has_a_file_of_its_own(tmp_path: Path) -> None:
     takes = [full_body(own()), replace(full_body(own()), name="again")]
     written = write_exports(takes, {"vrma": ExportSettings("vrma", "motion.vrma", rest="t")}, tmp_path)
     assert len(written) == 2
-    for path, take in written:
+    for path, output in written:
         assert path.suffix == ".vrma"
         (animation,) = Gltf.of(path.read_bytes()).content["animations"]
-        assert animation["name"] == take.name
+        assert animation["name"] == output.takes[0].name
