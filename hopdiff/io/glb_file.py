@@ -76,9 +76,8 @@ class GlbFile(ParsedGlb):
     def in_pose(self, matrices: Matrix) -> GlbFile:
         """The same with joints (J, 4, 4) in the world that stand otherwise: see `rest_poses`. What is written into it
         starts from this pose; nodes in the file stay as they are."""
-        ends = {
-            k: matrices[k] @ np.linalg.pinv(self.matrices[k]) @ end for k, end in self.ends.items()
-        }  # they hang on their joint as they did
+        # Ends hang on their joint as they did.
+        ends = {k: matrices[k] @ np.linalg.pinv(self.matrices[k]) @ end for k, end in self.ends.items()}
         return self._replace(matrices=matrices, ends=ends)
 
     def with_animations(self, motions: Sequence[Animation]) -> bytes:

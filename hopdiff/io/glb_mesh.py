@@ -53,7 +53,7 @@ def skinned_meshes(file: ParsedGlb) -> Meshes:
     accessors = Accessors(content, file.chunks)
     skins = {skin.number: skin for skin in file.skins}
     found, unread, aside = [], list[str](), list[str]()
-    carried = _carriers(file)
+    carried = _carried(file)
     for at, node in enumerate(content["nodes"]):
         if "mesh" not in node:
             continue
@@ -63,7 +63,7 @@ def skinned_meshes(file: ParsedGlb) -> Meshes:
             if at not in carried or "skin" in node:
                 aside.append(name)
             else:
-                found += _hung(file, name, at, node["mesh"], carried[at], accessors)
+                found += _hung(file, name, node["mesh"], carried[at], accessors)
             continue
         for primitive in _primitives(content, node["mesh"]):
             mesh = _mesh(name, primitive, skin, accessors, len(file.nodes))
@@ -74,30 +74,17 @@ def skinned_meshes(file: ParsedGlb) -> Meshes:
     return Meshes(tuple(found), tuple(unread), tuple(sorted(accessors.compressed)), tuple(aside))
 
 
-def _hung(file: ParsedGlb, name: str, at: int, index: Any, joint: int, accessors: Accessors) -> list[SkinnedMesh]:
-    """What can be read of a mesh without a skin, on a node `at` that hangs on a joint, as one that follows it."""
-    line, place = [at], np.eye(4)
-    parents = {child: k for k, node in enumerate(file.content["nodes"]) for child in node.get("children", ())}
-    while line[-1] != file.nodes[joint]:
-        line.append(parents[line[-1]])
-    for node in reversed(line[:-1]):
-        place = place @ local_matrix(file, node)
+def _hung(file: ParsedGlb, name: str, index: Any, line: list[int], accessors: Accessors) -> list[SkinnedMesh]:
+    """What can be read of a mesh without a skin, at the end of a line of nodes from a joint, as one that follows it."""
+    joint, inverse = line[0], np.zeros((len(file.nodes), 4, 4))
+    inverse[joint] = local_matrix(file, line[1:])
     found = []
     for primitive in _primitives(file.content, index):
-        attributes = primitive.get("attributes")
-        read = _attributes(primitive, attributes, accessors) if isinstance(attributes, dict) else None
-        if read is None:
-            continue
-        vertices = read[0]("POSITION")
-        if vertices is None or vertices.shape[1] != 3 or len(vertices) == 0:
-            continue
-        faces = read[1] if read[1] is not None else _faces(primitive, accessors, len(vertices))
-        if faces is None:
-            continue
-        inverse = np.zeros((len(file.nodes), 4, 4))
-        inverse[joint] = place
-        joints, ones = np.full((len(vertices), 1), joint, dtype=np.int64), np.ones((len(vertices), 1))
-        found.append(SkinnedMesh(name, vertices, joints, ones, inverse, _edges(faces)))
+        shape = _shape(primitive, accessors)
+        if shape is not None:
+            vertices, faces, _ = shape
+            joints, ones = np.full((len(vertices), 1), joint, dtype=np.int64), np.ones((len(vertices), 1))
+            found.append(SkinnedMesh(name, vertices, joints, ones, inverse, _edges(faces)))
     return found
 
 
@@ -113,19 +100,13 @@ def _primitives(content: dict[str, Any], index: Any) -> list[dict[str, Any]]:
 
 def _mesh(name: str, primitive: dict[str, Any], skin: GlbSkin, accessors: Accessors, count: int) -> SkinnedMesh | None:
     """One primitive, None if it cannot be read or tells nothing. count: of the skeleton's joints."""
-    attributes = primitive.get("attributes")
-    if not isinstance(attributes, dict):
+    shape = _shape(primitive, accessors)
+    if shape is None or skin.inverse is None:
         return None
-    read = _attributes(primitive, attributes, accessors)
-    if read is None:
-        return None
-    values, faces = read
-    vertices = values("POSITION")
-    if vertices is None or vertices.shape[1] != 3 or len(vertices) == 0 or skin.inverse is None:
-        return None
+    vertices, faces, values = shape
     joints, weights = [], []
     for number in range(MOST_WEIGHTS // 4):
-        if f"JOINTS_{number}" not in attributes:
+        if f"JOINTS_{number}" not in primitive["attributes"]:
             break
         own, heavy = (values(f"{kind}_{number}") for kind in ("JOINTS", "WEIGHTS"))
         if own is None or heavy is None or own.shape != (len(vertices), 4) or heavy.shape != own.shape:
@@ -150,15 +131,28 @@ def _mesh(name: str, primitive: dict[str, Any], skin: GlbSkin, accessors: Access
     heavy = heavy / np.where(total > 0.0, total, 1.0)
     inverse = np.zeros((count, 4, 4))
     inverse[list(skin.joints)] = skin.inverse
-    if faces is None:
-        faces = _faces(primitive, accessors, len(vertices))
-    if faces is None:
-        return None
     edges = _edges(faces)
     # What nothing holds goes nowhere.
     loose = len(np.unique(edges[~held[edges]]))
     edges = (held.cumsum() - 1)[edges[held[edges].all(axis=1)]]
     return SkinnedMesh(name, vertices[held], np.array(skin.joints)[which[held]], heavy[held], inverse, edges, loose)
+
+
+def _shape(
+    primitive: dict[str, Any], accessors: Accessors
+) -> tuple[Matrix, NDArray[np.int64], Callable[[str], Matrix | None]] | None:
+    """Vertices (V, 3) and faces (F, 3) of a primitive, and what gives its attributes by name. None where they cannot be
+    read."""
+    attributes = primitive.get("attributes")
+    read = _attributes(primitive, attributes, accessors) if isinstance(attributes, dict) else None
+    if read is None:
+        return None
+    values, faces = read
+    vertices = values("POSITION")
+    if vertices is None or vertices.shape[1] != 3 or len(vertices) == 0:
+        return None
+    faces = _faces(primitive, accessors, len(vertices)) if faces is None else faces
+    return None if faces is None else (vertices, faces, values)
 
 
 def _attributes(
@@ -192,24 +186,23 @@ def _faces(primitive: dict[str, Any], accessors: Accessors, count: int) -> NDArr
         line = values[:, 0].astype(np.int64)
     else:
         line = np.arange(count)
-    match primitive.get("mode", TRIANGLES):
-        case 5:
-            faces = np.stack([line[k : max(len(line) - 2 + k, 0)] for k in range(3)], axis=1)
-        case 6:
-            faces = np.stack([np.full(max(len(line) - 2, 0), line[:1].sum()), line[1:-1], line[2:]], axis=1)
-        case _:
-            faces = line[: len(line) // 3 * 3].reshape(-1, 3)
-    return faces
+    mode = primitive.get("mode", TRIANGLES)
+    if mode == STRIP:
+        return np.stack([line[k : max(len(line) - 2 + k, 0)] for k in range(3)], axis=1)
+    if mode == FAN:
+        return np.stack([np.full(max(len(line) - 2, 0), line[:1].sum()), line[1:-1], line[2:]], axis=1)
+    return line[: len(line) // 3 * 3].reshape(-1, 3)
 
 
-def _carriers(file: ParsedGlb) -> dict[int, int]:
-    """Nodes that hang on the skeleton, and the joint nearest above each."""
-    found: dict[int, int] = {}
-    waiting = [(node, joint) for joint, node in enumerate(file.nodes)]
+def _carried(file: ParsedGlb) -> dict[int, list[int]]:
+    """Nodes that hang on the skeleton, and for each the joint nearest above it and the nodes from there on."""
+    found: dict[int, list[int]] = {}
+    waiting = [(node, [joint]) for joint, node in enumerate(file.nodes)]
     own = set(file.nodes)
     while waiting:
-        node, joint = waiting.pop()
+        node, line = waiting.pop()
         if node not in found:
-            found[node] = joint
-            waiting += [(child, joint) for child in file.content["nodes"][node].get("children", []) if child not in own]
+            found[node] = line
+            below = file.content["nodes"][node].get("children", [])
+            waiting += [(child, [*line, child]) for child in below if child not in own]
     return found

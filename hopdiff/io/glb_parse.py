@@ -62,9 +62,13 @@ def parse_glb(data: bytes, path: str) -> ParsedGlb:
     return _Reader(content, path).parsed(chunks)
 
 
-def local_matrix(file: ParsedGlb, node: int) -> Matrix:
-    """(4, 4) what takes a node's frame into its parent's. Raises HopdiffError where its numbers make no sense."""
-    return _Reader(file.content, file.path).matrix(node)
+def local_matrix(file: ParsedGlb, line: Sequence[int]) -> Matrix:
+    """(4, 4) what takes the frame of the last of nodes that hang on each other into that which the first hangs in.
+    Raises HopdiffError where their numbers make no sense."""
+    reader, found = _Reader(file.content, file.path), np.eye(4)
+    for node in line:
+        found = found @ reader.matrix(node)
+    return found
 
 
 def _split(data: bytes, path: str) -> tuple[dict[str, Any], Chunks]:
