@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -144,3 +144,16 @@ def glb(content: Mapping[str, Any], data: bytes = b"") -> bytes:
     if data:
         chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def parted(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """The JSON and the data of a GLB file."""
+    length = struct.unpack_from("<I", data, 12)[0]
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+def edited(data: bytes, change: Callable[[dict[str, Any]], object]) -> bytes:
+    """A GLB file whose JSON was changed."""
+    content, binary = parted(data)
+    change(content)
+    return glb(content, binary)

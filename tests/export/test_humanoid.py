@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,7 @@ from hopdiff.cli import main
 from hopdiff.export.retarget import read_target
 from hopdiff.io.bvh import write_bvh
 from hopdiff.whole_body.skeleton import JOINTS
-from tests.export.rigs import armature, glb, skeleton
+from tests.export.rigs import armature, glb, parted, skeleton
 from tests.people import clip_of
 
 # As VRM calls the parts, in the order of ours.
@@ -25,12 +23,6 @@ VRM = (
     *(f"left{part}" for part in ("UpperLeg", "LowerLeg", "Foot", "Toes")),
     *(f"right{part}" for part in ("UpperLeg", "LowerLeg", "Foot", "Toes")),
 )
-
-
-def parted(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """The JSON and the data of a GLB file."""
-    size = struct.unpack_from("<I", data, 12)[0]
-    return json.loads(data[20 : 20 + size]), data[20 + size + 8 :]
 
 
 def character(path: Path, version: int, change: dict[str, Any] | None = None, names: bool = False) -> Path:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,19 +17,12 @@ from hopdiff.export.skin_check import check_skin, worst_of
 from hopdiff.extras import install
 from hopdiff.io.glb_file import GlbFile
 from hopdiff.types import HopdiffError
-from tests.export.rigs import glb
+from tests.export.rigs import edited, glb, parted
 from tests.export.skins import Played
 from tests.export.stand_ins import stand_in
 from tests.export.takes import own
 
 CORNERS = np.array([(x, y, z) for x in (-0.05, 0.05) for y in (-0.14, -0.05) for z in (-0.09, 0.2)])  # of a clog
-
-
-def edited(data: bytes, change: Callable[[dict[str, Any]], object]) -> bytes:
-    length = struct.unpack_from("<I", data, 12)[0]
-    content = json.loads(data[20 : 20 + length])
-    change(content)
-    return glb(content, data[28 + length :])
 
 
 def still(*names: str) -> Callable[[dict[str, Any]], object]:
@@ -100,8 +91,7 @@ def test_several_motions_are_looked_at_one_by_one(tmp_path: Path) -> None:
     high = replace(take, name="high", clip=replace(take.clip, root_position=up))
     checks = write_retargeted(tmp_path / "two.glb", [take, high], target)
     assert [check.sole is not None and check.sole > 0.04 for check in checks] == [False, True]
-    length = struct.unpack_from("<I", (tmp_path / "two.glb").read_bytes(), 12)[0]
-    content = json.loads((tmp_path / "two.glb").read_bytes()[20 : 20 + length])
+    content, _ = parted((tmp_path / "two.glb").read_bytes())
     assert [one["name"] for one in content["animations"]] == ["run", "high"]
     assert all(one["extras"]["loop"] is True for one in content["animations"])
     assert all(one["extras"]["travel_m"][2] > 0.5 for one in content["animations"])
@@ -198,9 +188,7 @@ def loose_vertex(content: dict[str, Any]) -> None:
 
 
 def test_a_vertex_that_nothing_holds_is_not_left_behind(tmp_path: Path) -> None:
-    data = stand_in("mixamo")
-    length = struct.unpack_from("<I", data, 12)[0]
-    content, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    content, binary = parted(stand_in("mixamo"))
     loose_vertex(content)
     # 20 bytes of 0 before the rest: the number of the vertex, and its weights.
     for view in content["bufferViews"][:-2]:
@@ -261,9 +249,7 @@ def clogs(content: dict[str, Any], data: bytes) -> bytes:
 
 
 def test_rigid_pieces_follow_their_joints_and_count_as_soles(tmp_path: Path) -> None:
-    data = stand_in("mixamo")
-    length = struct.unpack_from("<I", data, 12)[0]
-    (tmp_path / "hero.glb").write_bytes(clogs(json.loads(data[20 : 20 + length]), data[28 + length :]))
+    (tmp_path / "hero.glb").write_bytes(clogs(*parted(stand_in("mixamo"))))
     target = read_target(tmp_path / "hero.glb")
     assert target.notes == ()
     for leg in target.legs:
@@ -281,9 +267,8 @@ def test_rigid_pieces_follow_their_joints_and_count_as_soles(tmp_path: Path) -> 
 
 def test_bind_matrices_of_joints_that_hold_nothing_count_for_nothing(tmp_path: Path) -> None:
     """As Sketchfab writes them: those joints are at the origin."""
-    data = stand_in("mixamo")
-    length = struct.unpack_from("<I", data, 12)[0]
-    content, binary = json.loads(data[20 : 20 + length]), bytearray(data[28 + length :])
+    content, data = parted(stand_in("mixamo"))
+    binary = bytearray(data)
     plain = read_target(plain_copy(tmp_path))
     assert plain.skin is not None
     skin = content["skins"][0]
@@ -309,9 +294,7 @@ def test_loose_vertices_are_told(tmp_path: Path) -> None:
             "values": {"bufferView": len(content["bufferViews"]) + 1},
         }
 
-    data = stand_in("mixamo")
-    length = struct.unpack_from("<I", data, 12)[0]
-    content, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    content, binary = parted(stand_in("mixamo"))
     before = Played(content, binary)
     weights = before.skinned[0][3].astype("<f4")
     light(content)

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from hopdiff.io.glb_file import GlbFile, read_glb
 from hopdiff.io.glb_mesh import SkinnedMesh, skinned_meshes
-from tests.export.rigs import glb
+from tests.export.rigs import glb, parted
 from tests.export.skins import Played
 from tests.export.stand_ins import stand_in
-
-
-def parted(data: bytes) -> tuple[dict[str, Any], bytes]:
-    length = struct.unpack_from("<I", data, 12)[0]
-    return json.loads(data[20 : 20 + length]), data[28 + length :]
 
 
 def mesh_of(path: Path, data: bytes) -> SkinnedMesh:
