@@ -28,45 +28,64 @@ def loose_parts(skeleton: Skeleton, parts: Mapping[str, int], skin: Skin | None)
     place of leaves that hold nothing. skin: of the body, None if unknown."""
     found = dict(parts)
     if any(part not in found for part in REQUIRED):
-        found = {}
-        for part in JOINTS:
-            side, _, name = part.rpartition("_")
-            if part in TRUNK:
-                continue
-            of = named(skeleton.names, name or part, side if side in SIDES else None)
-            free = [joint for joint in of if joint not in found.values()]
-            if free:
-                found[part] = max(free[:4], key=lambda joint: 0.0 if skin is None else skin.everything(joint))
+        found = _by_name(skeleton, skin)
         if any(part not in found for part in REQUIRED):
             return dict(parts)
     places = rest_positions(skeleton)
     for side in SIDES:
         for upper, lower in ENDS:
-            above, own = found.get(f"{side}_{upper}"), found.get(f"{side}_{lower}")
-            called = named(skeleton.names, lower, side)
-            if own is not None and above is not None and own not in called and not _is_leaf(skeleton, own, skin):
-                # A piece of the limb where the one that is called so hangs elsewhere, further along.
-                far = [float((places[k] - places[above]).norm()) for k in (own, *called)]
-                beyond = [k for k, way in zip(called, far[1:], strict=True) if way > far[0] and k not in found.values()]
-                own = None if any(not _is_leaf(skeleton, k, skin) for k in beyond) else own
-            if above is None or (own is not None and not _is_leaf(skeleton, own, skin)):
+            end = _end(skeleton, places, found, (side, upper, lower), skin)
+            if end is None:
                 continue
-            # Where names do not tell, what hangs elsewhere lies at the leaf.
-            others = called or _at(places, above, own)
-            if lower == "toe":
-                # Where the ankle is called so, the foot is what hangs on it.
-                others += [k for k in named(skeleton.names, "ankle", side) if above in skeleton.above(k)]
-            others = [k for k in others if k not in found.values() and k != own and not _is_leaf(skeleton, k, skin)]
-            if own is not None:
-                reach = NEAR * float((places[own] - places[above]).norm())
-                near = [(float((places[k] - places[own]).norm()), k) for k in others]
-                others = [k for distance, k in sorted(near) if distance < reach]
-            if others:
-                found[f"{side}_{lower}"] = others[0]
-                toe = toe_of(skeleton, places, others[0]) if lower == "ankle" else None
-                if toe is not None and f"{side}_toe" not in found:
-                    found[f"{side}_toe"] = toe
+            found[f"{side}_{lower}"] = end
+            toe = toe_of(skeleton, places, end) if lower == "ankle" else None
+            if toe is not None and f"{side}_toe" not in found:
+                found[f"{side}_toe"] = toe
     return found
+
+
+def _by_name(skeleton: Skeleton, skin: Skin | None) -> dict[str, int]:
+    """Parts by name alone, whatever hangs on what; of several those that hold most of the skin."""
+    found: dict[str, int] = {}
+    for part in JOINTS:
+        side, _, name = part.rpartition("_")
+        if part in TRUNK:
+            continue
+        of = named(skeleton.names, name or part, side if side in SIDES else None)
+        free = [joint for joint in of if joint not in found.values()]
+        if free:
+            found[part] = max(free[:4], key=lambda joint: 0.0 if skin is None else skin.everything(joint))
+    return found
+
+
+def _end(
+    skeleton: Skeleton, places: Tensor, found: Mapping[str, int], which: tuple[str, str, str], skin: Skin | None
+) -> int | None:
+    """The joint that a limb truly ends in, None where what was found is right, or nothing better is there. places:
+    (J, 3) at rest. which: side, the part before, and that part."""
+    side, upper, lower = which
+    above, own = found.get(f"{side}_{upper}"), found.get(f"{side}_{lower}")
+    if above is None:
+        return None
+    called, taken = named(skeleton.names, lower, side), set(found.values())
+    if own is not None and own not in called and not _is_leaf(skeleton, own, skin):
+        # A piece of the limb where the one that is called so hangs elsewhere, further along.
+        far = [float((places[k] - places[above]).norm()) for k in (own, *called)]
+        beyond = [k for k, way in zip(called, far[1:], strict=True) if way > far[0] and k not in taken]
+        own = None if any(not _is_leaf(skeleton, k, skin) for k in beyond) else own
+    if own is not None and not _is_leaf(skeleton, own, skin):
+        return None
+    # Where names do not tell, what hangs elsewhere lies at the leaf.
+    others = called or _at(places, above, own)
+    if lower == "toe":
+        # Where the ankle is called so, the foot is what hangs on it.
+        others += [k for k in named(skeleton.names, "ankle", side) if above in skeleton.above(k)]
+    others = [k for k in others if k not in taken and k != own and not _is_leaf(skeleton, k, skin)]
+    if own is not None:
+        reach = NEAR * float((places[own] - places[above]).norm())
+        near = [(float((places[k] - places[own]).norm()), k) for k in others]
+        others = [k for distance, k in sorted(near) if distance < reach]
+    return others[0] if others else None
 
 
 def _at(places: Tensor, above: int, own: int | None) -> list[int]:
