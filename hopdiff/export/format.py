@@ -20,7 +20,8 @@ class Format:
     writes next to the file, under the same name. check: raises HopdiffError where these settings cannot be had on this
     machine, before any motion is made. others: endings that a file's name may have instead of `suffix`. review: raises
     HopdiffError where the motions cannot go into one file, before any is written, and returns sentences on them for the
-    user. pictures: how many pictures a file has of its motions, if it has any.
+    user. pictures: how many pictures a file has of its motions, if it has any. strides: whether its clips are single
+    strides.
     """
 
     suffix: str
@@ -32,3 +33,4 @@ class Format:
     others: tuple[str, ...] = ()
     review: Callable[[Sequence[Take]], Sequence[str]] | None = None
     pictures: Callable[[Sequence[Take], Any], int] | None = None
+    strides: bool = False

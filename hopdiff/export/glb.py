@@ -245,19 +245,14 @@ class _Writer:
         )
 
 
-def same_body(a: Skeleton, b: Skeleton) -> bool:
-    """Whether two skeletons have the same joints and bones; where their roots are says nothing."""
-    alike = (a.names, a.parents) == (b.names, b.parents)
-    return alike and bool(((a.offsets - b.offsets).abs() < ALIKE)[1:].all())
-
-
 def _same(one: Take, other: Take) -> bool:
+    """Whether two takes have the same joints, bones, ends, masses and parts; where their roots are says nothing."""
     a, b = one.clip.skeleton, other.clip.skeleton
-    if not same_body(a, b) or (one.masses, one.parts) != (other.masses, other.parts):
+    alike = (a.names, a.parents, one.masses, one.parts) == (b.names, b.parents, other.masses, other.parts)
+    if not alike or a.end_sites.keys() != b.end_sites.keys():
         return False
-    return a.end_sites.keys() == b.end_sites.keys() and all(
-        bool(((a.end_sites[name] - b.end_sites[name]).abs() < ALIKE).all()) for name in a.end_sites
-    )
+    gaps = [(a.offsets - b.offsets)[1:], *(a.end_sites[name] - b.end_sites[name] for name in a.end_sites)]
+    return all(bool((gap.abs() < ALIKE).all()) for gap in gaps)
 
 
 def _above(skeleton: Skeleton, axes: Tensor) -> Tensor:

@@ -26,7 +26,7 @@ class Exports:
         """Raises HopdiffError, naming the settings, for what cannot be had on another body."""
         again = self.retarget.cycles != 1 and self.target is not None
         for name, settings in self.files.items():
-            if again and settings.kind == "blendspace":
+            if again and settings.format.strides:
                 keys = "" if self.retarget.keys is not None else f" and set retarget.keys, as to {settings.keys}"
                 raise HopdiffError(
                     f"exports.{name} is of single strides, of which retarget.cycles={self.retarget.cycles} lays several"

@@ -44,4 +44,13 @@ def _review(takes: Sequence[Take]) -> list[str]:
     return [f"the grid lacks {plural(len(missing), 'clip')}: {'; '.join(places)}{more}."]
 
 
-FORMAT = Format(".glb", _write, together=True, axes=True, beside=(".json", ".html"), check=_check, review=_review)
+FORMAT = Format(
+    ".glb",
+    _write,
+    together=True,
+    axes=True,
+    beside=(".json", ".html"),
+    check=_check,
+    review=_review,
+    strides=True,
+)
