@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -43,6 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     options = parser().parse_args(arguments)
     torch.set_num_threads(1)
+    if options.fresh:
+        shutil.rmtree(options.keep, ignore_errors=True)
     for folder in (options.out, options.keep):
         folder.mkdir(parents=True, exist_ok=True)
     job, objectives = build(options.character, options.speed)
@@ -87,11 +90,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     noise[: len(three)] = 0.0
     seeded = np.clip(np.resize(three, noise.shape) + noise, 0.0, 1.0)
     found["NSGA-II from the front's ends"] = keep("nsga2_seeded", lambda: by_population(seeded, before))
-    write(arguments, options, job, found, price)
+    write(arguments, options, job, found, price, keep.commits)
 
 
 def write(
-    arguments: Sequence[str], options: argparse.Namespace, job: Job, found: dict[str, Outcome], price: float
+    arguments: Sequence[str],
+    options: argparse.Namespace,
+    job: Job,
+    found: dict[str, Outcome],
+    price: float,
+    commits: Sequence[str],
 ) -> None:
     archives = {name: _archive(batches) for name, (batches, _) in found.items()}
     every = np.concatenate([values for values, _ in archives.values()])
@@ -106,7 +114,7 @@ def write(
     figure = fronts_figure(fronts, {name: values[at] for name, at in chosen.items()}, courses, price, title)
     save_figure(figure, options.out / "fronts.png", dpi=85)
     write_glb(runs, options.out)
-    text = report(arguments, options, job, found, archives, courses, price, (ideal, nadir), values, chosen, runs)
+    text = report(arguments, options, commits, found, archives, courses, price, (ideal, nadir), values, chosen, runs)
     write_whole(options.out / "results.md", text)
     print(text)
 
@@ -133,8 +141,13 @@ def five(values: np.ndarray, ideal: np.ndarray, nadir: np.ndarray) -> dict[str, 
     """Numbers of five runs along a front (n, 3): the best of each kind, the one nearest to all, and the one farthest
     from these."""
     scaled = (values - ideal) / (nadir - ideal)
-    chosen = {f"least_{name}": int(scaled[:, at].argmin()) for at, name in enumerate(NAMES)}
-    chosen["middle"] = int(np.linalg.norm(scaled, axis=1).argmin())
+    chosen: dict[str, int] = {}
+    for name, rank in [
+        *((f"least_{name}", scaled[:, at]) for at, name in enumerate(NAMES)),
+        ("middle", np.linalg.norm(scaled, axis=1)),
+    ]:
+        taken = list(chosen.values())
+        chosen[name] = next(at for at in np.argsort(rank, kind="stable").tolist() if at not in taken)
     away = np.min([np.linalg.norm(scaled - scaled[at], axis=1) for at in chosen.values()], axis=0)
     chosen["between"] = int(away.argmax())
     return chosen
@@ -148,24 +161,28 @@ def write_glb(runs: dict[str, Run], folder: Path) -> Path:
 
 
 class Kept:
-    """What each method came to, in a file of its own, made only where it lacks or is of another command or commit."""
+    """What each method came to, in a file of its own, made only where it lacks or is of another command. commits: that
+    what is told was found at."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         self.folder = options.keep
-        self.asked = json.dumps({k: v for k, v in vars(options).items() if k not in ("out", "keep")}) + commit()
+        self.asked = json.dumps({k: v for k, v in vars(options).items() if k not in ("out", "keep", "fresh")})
+        self.commits: list[str] = []
 
     def __call__(self, name: str, make: Callable[[], Outcome]) -> Outcome:
         path = self.folder / f"{name}.npz"
         if path.is_file():
             with np.load(path) as kept:
                 if str(kept["asked"]) == self.asked:
+                    self.commits.append(str(kept["commit"]))
                     return _unpacked(kept)
         batches, ends = make()
         data = BytesIO()
         counts = np.array([(b.evaluations, b.gradient_evaluations, b.seconds, len(b.values)) for b in batches])
         values, genes = (np.concatenate([getattr(b, part) for b in batches]) for part in ("values", "genes"))
-        np.savez(data, asked=self.asked, counts=counts, values=values, genes=genes, ends=ends)
+        np.savez(data, asked=self.asked, commit=commit(), counts=counts, values=values, genes=genes, ends=ends)
         write_whole(path, data.getvalue())
+        self.commits.append(commit())
         print(f"{name}: {batches[-1].evaluations} evaluations, {batches[-1].seconds:.0f} s", flush=True)
         return batches, ends
 
@@ -180,7 +197,7 @@ def _unpacked(kept: np.lib.npyio.NpzFile) -> Outcome:
 def report(
     arguments: Sequence[str],
     options: argparse.Namespace,
-    job: Job,
+    commits: Sequence[str],
     found: dict[str, Outcome],
     archives: dict[str, tuple[np.ndarray, np.ndarray]],
     courses: dict[str, list[tuple[int, int, float, float]]],
@@ -193,6 +210,7 @@ def report(
     parts = [
         "# Energy, smoothness, peak force\n",
         f"- {origin('front', arguments, ('--keep', '--out'))}",
+        f"- Found at commit {', '.join(f'`{one}`' for one in dict.fromkeys(commits))}",
         f"- Machine: {machine()}; a gradient costs {price:.2f} values more, at 16 side by side",
         f"- Objective: {', '.join(NAMES)} and the limits of what is possible; no other term of the cost, no wish,"
         f" no prior. {options.character}, {options.speed:g} m/s, beta .2\n",
@@ -245,6 +263,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--repeats", type=int, default=5, help="timings, of which the least gives a gradient's price")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, default=Path("outputs/front"), help="where what the methods found is kept")
+    parser.add_argument("--fresh", action="store_true", help="throw what is kept away first")
     parser.add_argument("--out", type=Path, default=HERE, help="folder of the table, the picture and the GLB")
     return parser
 

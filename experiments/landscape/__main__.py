@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
@@ -46,7 +47,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser().parse_args(arguments)
     torch.set_num_threads(1)
     options.out.mkdir(parents=True, exist_ok=True)
-    parts, planes, lowest = [], {}, {}
+    if options.fresh:
+        shutil.rmtree(options.keep, ignore_errors=True)
+    parts, planes, lowest, commits = [], {}, {}, list[str]()
     slopes: dict[str, dict[str, Slopes]] = {}
     ends: dict[str, tuple[Ends, np.ndarray]] = {}
     curves: dict[str, Curvature] = {}
@@ -81,32 +84,37 @@ def main(arguments: Sequence[str] | None = None) -> None:
             f"{name}: cost along each gene through the best run", problem.table.names, best, at, costs
         )
         save_figure(figure, options.out / f"lines_{label}.png", dpi=75)
+        commits += found.commits
         parts += [*page(name, case, more, options, problem, *ends[name], slopes[name], curves[name], between)]
         parts += [f"![Cost along each gene](lines_{label}.png)\n"]
     save_figure(pictures.ends_figure(ends), options.out / "ends.png", dpi=90)
     save_figure(pictures.planes_figure(planes, lowest), options.out / "planes.png", dpi=90)
     save_figure(pictures.slopes_figure(slopes), options.out / "slopes.png", dpi=90)
     save_figure(pictures.spectrum_figure(curves, EQUAL[0]), options.out / "curvature.png", dpi=90)
-    write_whole(options.out / "results.md", "\n".join([*head(arguments, options), *parts]))
+    write_whole(options.out / "results.md", "\n".join([*head(arguments, options, commits), *parts]))
     print("\n".join(parts))
 
 
 class Kept:
-    """Measures that are kept in a folder, a file each, written whole, and made only where they lack."""
+    """Measures that are kept in a folder, a file each, written whole, and made only where they lack. commits: that what
+    is told was measured at."""
 
     def __init__(self, folder: Path, options: argparse.Namespace) -> None:
         names = ("descents", "iterations", "samples", "points", "apart")
-        self.folder, self.asked = folder, {name: getattr(options, name) for name in names}
+        self.folder, self.commits = folder, list[str]()
+        self.asked = {name: getattr(options, name) for name in names}
 
     def __call__(self, name: str, kind: Any, make: Callable[[], Found]) -> Found:
         path = self.folder / f"{name}.json"
         if path.is_file():
             kept = read_json(path)
-            if kept["asked"] == self.asked and kept["commit"] == commit():
+            if kept["asked"] == self.asked:
+                self.commits.append(kept["commit"])
                 return _made(kind, kept["found"])
         found = make()
         content = {"asked": self.asked, "commit": commit(), "found": _plain(found)}
         write_whole(path, json.dumps(content) + "\n")
+        self.commits.append(commit())
         print(f"{self.folder.name}: {name}", flush=True)
         return found
 
@@ -141,10 +149,11 @@ def samples(problem: AnyProblem, count: int) -> dict[str, np.ndarray]:
     }
 
 
-def head(arguments: Sequence[str], options: argparse.Namespace) -> list[str]:
+def head(arguments: Sequence[str], options: argparse.Namespace, commits: Sequence[str]) -> list[str]:
     return [
         "# Landscapes\n",
         f"- {origin('landscape', arguments, ('--keep', '--out'))}",
+        f"- Measured at commit {', '.join(f'`{one}`' for one in dict.fromkeys(commits))}",
         f"- Machine: {machine()}",
         f"- {options.character}, {options.speed:g} m/s, beta {options.beta:g}; descents: L-BFGS-B of SciPy,"
         f" {options.iterations} iterations at most\n",
@@ -256,6 +265,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--points", type=int, default=61, help="along a line, and along each side of a plane")
     parser.add_argument("--apart", type=float, default=0.05, help="least distance of two basins, in box widths")
     parser.add_argument("--keep", type=Path, default=Path("outputs/landscape"), help="where what is measured is kept")
+    parser.add_argument("--fresh", action="store_true", help="throw what is kept away first")
     parser.add_argument("--out", type=Path, default=HERE, help="folder of the page and its pictures")
     return parser
 
