@@ -186,8 +186,8 @@ def _seen_by_limbs(run: Priced, angle: Tensor) -> list[Tensor]:
     """A roll or yaw (P, M) over each contact (P, K), as a left limb would see it."""
     support, found = run.movement.support, []
     for footing, places in zip(support.footings, support.pieces, strict=True):
-        own = [angle[:, p.period] * (-1.0 if p.mirrored else 1.0) for p in places]
-        found.append(footing.side * torch.cat(own, dim=-1))
+        own = places.seen(angle) * footing.side
+        found.append(own * places.flip[0] if places.mirrored else own)
     return found
 
 
