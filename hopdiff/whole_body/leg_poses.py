@@ -59,9 +59,10 @@ def _order(plan: Plan, dtype: torch.dtype, device: torch.device) -> tuple[Tensor
 
 
 class Swing(NamedTuple):
-    """The flight of one leg. places: its nodes in the period. whole: (P,) its duration [s]. free: (P, 4, K) what its
+    """The flight of one leg. grid: its phases. places: its nodes in the period. whole: (P,) its duration [s]. free: (P, 4, K) what its
     genes add to thigh, knee, ankle and tilt. ends: (P, 4, 4, K) what value and rate at take-off and at touchdown do."""
 
+    grid: Grid
     places: Places
     whole: Tensor
     free: Tensor
@@ -85,7 +86,7 @@ class Legs:
             phase = own.times / own.total.unsqueeze(-1)
             self.phases.append(phase)
             places = places_of(plan, contact.limb, phases, speed.dtype, speed.device)
-            self.swings.append(Swing(places, own.total, *self._curves(phase)))
+            self.swings.append(Swing(own, places, own.total, *self._curves(phase)))
         self.scales = [self._scale(k) for k in range(len(plan.contacts))]
 
     def _values(self, name: str, count: int) -> Tensor:

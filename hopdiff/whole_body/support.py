@@ -154,6 +154,10 @@ class Places:
         """Values (..., M) of the period at these nodes (..., K)."""
         return values[..., self.whole] if self.whole is not None else values.index_select(-1, self.index)
 
+    def of_both(self, values: Tensor) -> Tensor:
+        """Of values (P, 2, M) of both sides those of the limb at these nodes (P, K)."""
+        return values.flatten(1).index_select(-1, self.index + values.shape[-1] * self.number)
+
 
 @lru_cache(maxsize=64)
 def places_of(plan: Plan, limb: str, phases: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> Places:
@@ -312,7 +316,9 @@ class Support:
             found = push @ torch.stack((weights, *across), dim=-1)
             # Centre of mass ahead of the contact point, and what a foot that stands further ahead takes from it.
             lever = torch.stack((ahead, -torch.ones_like(ahead)), dim=1) @ torch.stack(turned, dim=-1)
-            conditions.append(torch.cat((found[:, :, :1], found[:, :, 1:] + functional.pad(lever, (0, 0, 0, self.asides))), -1))
+            conditions.append(
+                torch.cat((found[:, :, :1], found[:, :, 1:] + functional.pad(lever, (0, 0, 0, self.asides))), -1)
+            )
         total = conditions[0] if len(conditions) == 1 else torch.stack(conditions).sum(0)
         found = solve_small(total[:, 1:].transpose(1, 2), -total[:, 0])
         return found[:, 0], torch.cat((torch.ones_like(found[:, :1]), found), dim=-1)
