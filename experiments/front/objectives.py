@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from time import process_time
 
@@ -11,9 +12,8 @@ from torch import Tensor
 
 from hopdiff.composing import compose
 from hopdiff.config import build_job
-from hopdiff.effort.priced import Priced, softly_positive
+from hopdiff.effort.priced import Priced
 from hopdiff.effort.problem import BodyProblem
-from hopdiff.effort.terms import muscle_power, muscle_pull
 from hopdiff.job import Job
 from hopdiff.numerics import GRAVITY
 from hopdiff.objective import Term
@@ -34,14 +34,13 @@ ALONE = tuple(f"costs.{name}=0" for name in ("positive_work", "negative_work", "
 class Objectives:
     """Energy, smoothness and peak force of P candidates, and one number of them by which a descent may go down.
 
-    muscle_work: positive and negative, at the prices of costs=effort. torque_rates: the integral of the squared
-    rates of muscle torques over strength, as costs.torque_rate weighs it. peak_force: softly the largest ground force
-    on a foot. weights: (P, 3) of the candidates priced next, whose scalar is `scalar`; None: their plain sum.
+    effort: rows of costs=effort by name. muscle_work: its positive and negative work at its prices. torque_rates: the
+    integral of the squared rates of muscle torques over strength, as costs.torque_rate weighs it. peak_force: softly the
+    largest ground force on a foot. weights: (P, 3) of the candidates priced next, whose scalar is `scalar`; None: their plain sum.
     """
 
-    def __init__(self, prices: tuple[float, float]) -> None:
-        self.prices = prices  # of positive and of negative work
-        self.problem: BodyProblem | None = None
+    def __init__(self, effort: Mapping[str, Term]) -> None:
+        self.effort = effort
         self.weights: Tensor | None = None
         self.ideal, self.span = torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64)
         self._last: tuple[Priced, Tensor] | None = None
@@ -58,15 +57,11 @@ class Objectives:
         return self._last[1]
 
     def _values(self, run: Priced) -> Tensor:
-        assert self.problem is not None
-        settings, muscles, pace = self.problem.settings, self.problem.muscles, self.problem.pace
-        pull = muscle_pull(run, settings)
-        power = muscle_power(run, pull, muscles, settings.transfer)
-        work = [run.per_way(softly_positive(sign * power, run.power_width)) for sign in (1.0, -1.0)]
-        rate = run.per_way(muscles.strain(pull.torque, pull.torque_rate)) * (GRAVITY * run.leg / pace) * pace**2
-        force = (run.body.carried.force.norm(dim=2) / GRAVITY).flatten(1)
+        up, down, rate = (self.effort[name] for name in ("positive_work", "negative_work", "torque_rate"))
+        work = up.weight * up.value(run) + down.weight * down.value(run)
+        force = (run.finer(run.body.carried.force).norm(dim=2) / GRAVITY).flatten(1)
         peak = torch.logsumexp(SHARPNESS * force, dim=1) / SHARPNESS
-        return torch.stack([self.prices[0] * work[0] + self.prices[1] * work[1], rate, peak], dim=1)
+        return torch.stack([work, rate.value(run), peak], dim=1)
 
     def scalar(self, values: Tensor, weights: Tensor) -> Tensor:
         """(P,) of values (P, 3): softly the largest weighted excess over the ideal, which reaches every part of a front
@@ -84,12 +79,8 @@ class Objectives:
 def build(character: str, speed: float) -> tuple[Job, Objectives]:
     """The problem of model=body without any cost but the three."""
     words = ["model=body", "costs=effort", f"character={character}", f"speed={speed}", "beta=0.2"]
-    plain = compose(words).costs
-    objectives = Objectives((float(plain.positive_work), float(plain.negative_work)))
-    job = build_job(compose([*words, *ALONE]), terms=objectives.terms())
-    assert isinstance(job.problem, BodyProblem)
-    objectives.problem = job.problem
-    return job, objectives
+    objectives = Objectives({term.name: term for term in build_job(compose(words)).problem.terms})
+    return build_job(compose([*words, *ALONE]), terms=objectives.terms()), objectives
 
 
 @dataclass
