@@ -35,8 +35,9 @@ class Objectives:
     """Energy, smoothness and peak force of P candidates, and one number of them by which a descent may go down.
 
     effort: rows of costs=effort by name. muscle_work: its positive and negative work at its prices. torque_rates: the
-    integral of the squared rates of muscle torques over strength, as costs.torque_rate weighs it. peak_force: softly the
-    largest ground force on a foot. weights: (P, 3) of the candidates priced next, whose scalar is `scalar`; None: their plain sum.
+    integral of the squared rates of muscle torques over strength, as costs.torque_rate weighs it. peak_force: softly
+    the largest ground force on a foot. weights: (P, 3) of the candidates priced next, whose scalar is `scalar`; None:
+    their plain sum.
     """
 
     def __init__(self, effort: Mapping[str, Term]) -> None:
