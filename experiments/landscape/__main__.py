@@ -37,6 +37,7 @@ VARIANTS: dict[str, tuple[str, tuple[str, ...]]] = {
 }
 DEFAULT = ["body", "smooth", "smooth without prior"]
 EQUAL = (0.001, 0.01)  # excesses within which runs are called equal
+NEAR = 0.01  # about the best run, in box widths, that slopes are asked for
 PAIRED = 12  # ends of equal cost, at most, that lines are drawn between
 
 Found = TypeVar("Found")
@@ -68,8 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         best = came.genes[0]
         lowest[name] = float(came.cost[0])
         slopes[name] = {
-            kind: found(f"slopes_{kind.split()[0]}", Slopes, lambda p=problem, x=points: measure.slopes(p, x))  # type: ignore[misc]
-            for kind, points in samples(problem, options.samples).items()
+            kind: found(f"slopes_{kind.split()[-1]}", Slopes, lambda p=problem, x=points: measure.slopes(p, x))  # type: ignore[misc]
+            for kind, points in samples(problem, best, options.samples).items()
         }
         curves[name] = found("curvature", Curvature, lambda p=problem, x=best: measure.curvature(p, x, EQUAL[0]))  # type: ignore[misc]
         three = measure.apart(came, ends[name][1])
@@ -138,14 +139,16 @@ def _made(kind: Any, plain: Any) -> Any:
     return kind(**arrays)
 
 
-def samples(problem: AnyProblem, count: int) -> dict[str, np.ndarray]:
-    """Points (count, G) to ask for slopes at."""
+def samples(problem: AnyProblem, best: np.ndarray, count: int) -> dict[str, np.ndarray]:
+    """Points (count, G) to ask for slopes at. best: (G,) the best run, about which descents end."""
     box, generator = Box.of(problem), torch.Generator().manual_seed(0)
     spread = getattr(problem, "spread", None) or 0.05
     about = (problem.start + spread * box.normal(count, generator)).clamp(0.0, 1.0)
+    near = best + NEAR * box.normal(count, generator).double().numpy()
     return {
         "anywhere in the box": box.uniform(count, generator).double().numpy(),
         "about the start": about.double().numpy(),
+        "about the best run": near.clip(0.0, 1.0),
     }
 
 

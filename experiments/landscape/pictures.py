@@ -70,7 +70,7 @@ def slopes_figure(found: Mapping[str, Mapping[str, Slopes]]) -> Figure:
     edges = np.geomspace(1e-14, 2.0, 43)
     for axes, (title, kinds) in zip(figure.subplots(1, len(found), squeeze=False)[0], found.items(), strict=True):
         style.tidy(axes).set_title(title)
-        for colour, (name, slopes) in zip((style.LEFT, style.RIGHT), kinds.items(), strict=True):
+        for colour, (name, slopes) in zip(style.SERIES, kinds.items(), strict=False):
             there = slopes.cosine[np.isfinite(slopes.cosine)]
             label = f"{name} ({len(there)} of {len(slopes.cosine)})"
             shares = np.full(len(there), 1 / max(len(slopes.cosine), 1))
@@ -80,6 +80,7 @@ def slopes_figure(found: Mapping[str, Mapping[str, Slopes]]) -> Figure:
         axes.annotate("at right angles", (1.0, 0.98), (-3, 0), ("data", "axes fraction"), "offset points", rotation=90,
                       ha="right", va="top", fontsize=8)  # fmt: skip
         axes.set(xscale="log", xlabel="1 - cosine", ylabel="share of points")
+        axes.set_ylim(0, 1.35 * max(axes.get_ylim()[1], 0.1))  # room for the names
         axes.legend(frameon=False, fontsize=8, loc="upper center")
     return figure
 

@@ -127,9 +127,10 @@ def test_the_page_is_made_and_made_again_from_what_is_kept(tmp_path: Path, capsy
 
     arguments = ["--problems", "smooth", "--descents", "3", "--iterations", "40", "--samples", "3", "--points", "9"]
     main([*arguments, "--keep", str(tmp_path / "keep"), "--out", str(tmp_path)])
-    assert capsys.readouterr().out.count("smooth_smooth_human_v5_b0.5: ") == 8
+    assert capsys.readouterr().out.count("smooth_smooth_human_v5_b0.5: ") == 9
     text = (tmp_path / "results.md").read_text()
     assert "| about the start | 0% | 0% | 0% |" in text
+    assert "| about the best run | 0% | 0% | 0% |" in text
     assert "6 descents, best cost" in text
     assert str(tmp_path) not in text
     for name in ("ends", "planes", "slopes", "curvature", "lines_smooth"):
