@@ -211,10 +211,7 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
         return run.once("pull", lambda: muscle_pull(run, settings))
 
     def work(run: Priced) -> tuple[Tensor, Tensor]:
-        """Positive and negative (P,)."""
-        power = muscle_power(pull(run), muscles, settings.transfer).flatten(1, 2)
-        positive = run.positive_per_way(power)
-        return positive, positive - run.fine_per_way(power)
+        return run.work_per_way(muscle_power(pull(run), muscles, settings.transfer).flatten(1, 2))
 
     def done(run: Priced, sign: int) -> Tensor:
         return run.once("work", lambda: work(run))[sign]

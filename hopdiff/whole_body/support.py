@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from hopdiff.motion import SIDES
-from hopdiff.numerics import GRAVITY, constant, solve_small
+from hopdiff.numerics import GRAVITY, solve_small
 from hopdiff.whole_body.foot import pitch_shapes, sole
 from hopdiff.whole_body.grid import Grid
 from hopdiff.whole_body.layout import Layout
@@ -107,25 +107,26 @@ class Carried:
 
     def moment(self) -> Tensor:
         """(P, 3, M) of the ground force about the centre of mass [m^2/s^2]."""
-        support, found = self.support, None
+        support = self.support
+        parts = []
         for k, (force, cop) in enumerate(zip(self.forces, self.cops, strict=True)):
             places = support.pieces[k]
             seen = places.seen(self.com)
             arm = cop - (seen * places.flip if places.mirrored else seen)
             turning = torch.linalg.cross(arm, force, dim=1)
             here = (turning * places.axial if places.mirrored else turning) @ places.both
-            found = here if found is None else found + here
-        assert found is not None
-        return found
+            parts.append(here)
+        return parts[0] if len(parts) == 1 else torch.stack(parts).sum(0)
 
 
 class Places:
     """Where the K nodes of a contact or a swing lie among the M nodes of the period and its two sides.
 
-    index: (K,) node of the period. sides: its K sides, 0 left, 1 right; number: the same (K,). whole: the slice of the period, where it is one that
-    is not mirrored. steps: (K,) 1 at nodes of the mirror image, which is a step ahead. flip, axial: (3, K) signs that
-    vectors and moments change by in the mirror image. onto: (K, 2 M) to the period, left side first; both: (K, M) to
-    the sum of the sides.
+    index: (K,) node of the period. sides: its K sides, 0 left, 1 right; number: the same (K,). whole: the slice of the
+    period, where it is one that is not mirrored. middle: the node of the period half-way, and the sign that x has
+    there. steps: (K,) 1 at nodes of the mirror image, which is a step ahead. flip, axial: (3, K) signs that vectors
+    and moments change by in the mirror image. onto: (K, 2 M) to the period, left side first; both: (K, M) to the sum
+    of the sides.
     """
 
     def __init__(self, plan: Plan, found: list[Piece], like: Tensor) -> None:
@@ -135,7 +136,6 @@ class Places:
         mirrored = [piece.mirrored for piece in found for _ in range(piece.own.start, piece.own.stop)]
         self.pieces, self.mirrored = found, any(mirrored)
         self.whole = found[0].period if len(found) == 1 and not self.mirrored else None
-        # Node of the period in the middle, and the sign that x has there.
         self.middle = index[len(index) // 2], -1.0 if mirrored[len(index) // 2] else 1.0
         self.sides, self.number = sides, torch.tensor(sides, device=like.device)
         self.index = torch.tensor(index, device=like.device)
@@ -228,8 +228,9 @@ class Support:
     def onto(self, values: list[Tensor]) -> Tensor:
         """Values a contact (P, K) on the nodes of the period (P, 2, M), by side; 0 where a foot is in the air."""
         parts = [value @ places.onto for value, places in zip(values, self.pieces, strict=True)]
-        found: Tensor = parts[0] if len(parts) == 1 else torch.stack(parts).sum(0)
-        return found.unflatten(-1, (2, -1))
+        whole = parts[0] if len(parts) == 1 else torch.stack(parts).sum(0)
+        found: Tensor = whole.unflatten(-1, (2, -1))
+        return found
 
     def onto_vectors(self, values: list[Tensor]) -> Tensor:
         """Vectors a contact (P, 3, K), as their limb sees them, on the period's nodes (P, 2, 3, M), by side."""
