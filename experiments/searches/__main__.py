@@ -105,7 +105,8 @@ def head(arguments: Sequence[str], options: argparse.Namespace, study: Study, sk
 
 
 def forecast(todo: Todo, plan: Plan, rows: dict[str, Prices]) -> str:
-    """What is left to do, and how long it takes if every run uses up its budget, 16 candidates at a time."""
+    """What is left to do, and how long it takes if every run uses up its budget, 16 candidates at a time. Runs that end
+    by themselves take less, those that price one candidate at a time several times as long."""
     value = {model: next(v / b for b, v, _ in rows[model] if b == 16) for model in rows}
     left = [one for one in todo if not path_of(plan.folder, *one).is_file()]
     table, total = [], 0.0
@@ -114,7 +115,7 @@ def forecast(todo: Todo, plan: Plan, rows: dict[str, Prices]) -> str:
         hours = sum(value[model] for model in mine) * plan.evaluations / 3600
         total += hours
         table.append((method, len(mine), f"{hours:.2f}"))
-    return markdown(("method", "runs left", "hours of a core, at most"), [*table, ("all", len(left), f"{total:.2f}")])
+    return markdown(("method", "runs left", "hours of a core"), [*table, ("all", len(left), f"{total:.2f}")])
 
 
 def check(path: Path) -> None:
