@@ -200,7 +200,7 @@ class BodyProblem:
             computable = torch.isfinite(merit) & (run.moved < LOST)
             gradient = None
             if with_grad:
-                gradient, sound = gradient_of_each(merit[computable], genes)
+                gradient, sound = gradient_of_each(torch.where(computable, merit, 0.0), genes)
                 computable = computable & sound
         merit = torch.where(computable, merit.detach(), torch.inf)
         cost = torch.where(status == int(Status.OK), merit, torch.inf)

@@ -17,6 +17,7 @@ from hopdiff.numerics import (
     chebyshev_interpolate,
     chebyshev_interpolation_numpy,
     chebyshev_nodes,
+    cross,
     differentiation_matrix,
     integration_matrix,
 )
@@ -104,12 +105,14 @@ class Grid:
         durations = self.durations
         places, weights = _places(self.nodes, durations.dtype, durations.device)
         own = durations.index_select(1, _owners(self.nodes, durations.device))
+        object.__setattr__(self, "rates", 1.0 / own)
         starts = torch.cumsum(durations, dim=1) - durations
         object.__setattr__(self, "spans", own)
         object.__setattr__(self, "times", starts.index_select(1, _owners(self.nodes, durations.device)) + own * places)
         object.__setattr__(self, "weights", own * weights)
 
     spans: Tensor = None  # type: ignore[assignment]  # (P, M) duration of each node's phase [s]
+    rates: Tensor = None  # type: ignore[assignment]  # (P, M) one over that [1/s]
     times: Tensor = None  # type: ignore[assignment]  # (P, M) since the start of the first phase [s]
     weights: Tensor = None  # type: ignore[assignment]  # (P, M) of the integral over all phases [s]
 
@@ -134,7 +137,12 @@ class Grid:
     def derivative(self, values: Tensor) -> Tensor:
         """Rate (P, ..., M) [1/s]; at the ends of a phase that of its own side."""
         matrix = _derivative(self.nodes, values.dtype, values.device)
-        return (values @ matrix) / self.shaped(self.spans, values)
+        return (values @ matrix) * self.shaped(self.rates, values)
+
+    def turning(self, axes: Tensor, weighed: Tensor) -> Tensor:
+        """(P, 3, M) sum of N vectors (P, N, 3, M) times, as vectors, the rates of N others [1/s]."""
+        moving = weighed @ _derivative(self.nodes, weighed.dtype, weighed.device)
+        return cross(axes, moving, dim=2).sum(1) * self.rates.unsqueeze(1)
 
     def integral(self, values: Tensor) -> Tensor:
         """Running integral (P, ..., M) from the start of the first phase [s]."""
@@ -196,7 +204,7 @@ class Fine(Grid):
         # no exception.
         steep = 0.5 * sizes * (1.0 - slope**2)
         turn = torch.sqrt((values.diff(dim=-1) * steep / width**2) ** 2 + 1e-12)
-        line = 0.25 * sizes * (1.0 + slope**2) + 0.5 * steep * torch.asinh(turn) / turn
+        line = 0.25 * sizes * (1.0 + slope**2) + 0.5 * steep * torch.log(turn + torch.sqrt(turn**2 + 1.0)) / turn
         whole = gaps * (line - width) + (values @ bends) * slope
         both = (whole * self.spans[:, None, :-1]).sum(-1)
         total = (values * self.weights.unsqueeze(1)).sum(-1)

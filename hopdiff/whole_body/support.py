@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from hopdiff.motion import SIDES
-from hopdiff.numerics import GRAVITY, solve_small
+from hopdiff.numerics import GRAVITY, cross, solve_small
 from hopdiff.whole_body.foot import pitch_shapes, sole
 from hopdiff.whole_body.grid import Grid
 from hopdiff.whole_body.layout import Layout
@@ -113,7 +113,7 @@ class Carried:
             places = support.pieces[k]
             seen = places.seen(self.com)
             arm = cop - (seen * places.flip if places.mirrored else seen)
-            turning = torch.linalg.cross(arm, force, dim=1)
+            turning = cross(arm, force, dim=1)
             here = (turning * places.axial if places.mirrored else turning) @ places.both
             parts.append(here)
         return parts[0] if len(parts) == 1 else torch.stack(parts).sum(0)
