@@ -17,7 +17,7 @@ from hopdiff.effort.settings import BodyLimits
 from hopdiff.numerics import GRAVITY, constant
 from hopdiff.types import Status
 from hopdiff.whole_body.layout import FEET, SHANKS
-from hopdiff.whole_body.support import places_of
+from hopdiff.whole_body.places import places_of
 
 CONVERGED = 0.02  # m and rad that the last round of the solution may go
 TOLERANCE = 0.5  # of a unit by which a limit may be overstepped at any moment

@@ -20,7 +20,7 @@ from hopdiff.objective import Term
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.dynamics import ANKLES
 from hopdiff.whole_body.layout import SEGMENTS
-from hopdiff.whole_body.support import places_of
+from hopdiff.whole_body.places import places_of
 
 TURNING = 0.1  # of the lesser strength: over what a torque passes from one direction's muscles to the other's
 LEG_JOINTS = slice(3, 9)  # hips, knees, ankles among the joints after the pelvis

@@ -11,8 +11,9 @@ from torch.nn import functional
 
 from hopdiff.numerics import differentiation_matrix
 from hopdiff.whole_body.grid import Grid
+from hopdiff.whole_body.places import Places, places_of
 from hopdiff.whole_body.plan import Plan
-from hopdiff.whole_body.support import Carried, Places, Support, places_of
+from hopdiff.whole_body.support import Carried, Support
 from hopdiff.whole_body.swing import ANKLE_MOMENTS, MOMENTS, swing_basis
 
 LONGEST, SOFT = 0.9985, 0.0015  # of the straight leg: how far a leg reaches, and over what it gets there
