@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # What studies reach by name and not by an import: searches, tasks, settings.
 BY_NAME = ("conf", "hopdiff/search", "hopdiff/tasks")
 TOLERANCE = 1e-4  # relative, of numbers written with six digits and found by an optimum that is told with ten
-HEAD = 12  # lines of a page in which its origin is looked for
+HEAD = 20  # lines of a page in which its origin is looked for
 
 
 class Origin(NamedTuple):

@@ -212,9 +212,9 @@ ENTRIES: tuple[Entry, ...] = (
         " which fades through the flight.\n\n![Knees about take-off, printed and joined](take_off.png)\n\nThe thesis"
         " shows one run of the genetic algorithm; here are three seeds of it (`ga_thesis`: as printed, the plainest"
         " choice where it is silent), of a tuned one and of other searches at the same budget of 10,000 evaluations, a"
-        " gradient counted as three; without `search=` and `seed=` the sweep has six searches and fifteen seeds. The best individual is not priced again, so that"
-        " the budget lasts for a few generations more than 100. Right: all searches by one scale. The objective of the"
-        " thesis has two valleys in the `smooth` model, and only searches with gradients find the lower one as a rule.",
+        " gradient counted as three; without `search=` and `seed=` the sweep has six searches and fifteen seeds."
+        " `ga` does not price its best individuals again, so that its budget lasts for a few generations more than 100."
+        " Right: all searches by one scale.",
     ),
     Entry(
         "3.3.3",
@@ -243,7 +243,8 @@ makes; edit `entries.py`, not this page. Each command stands under its picture a
 `conf/experiment/kang1999/`.
 
 `model=thesis` steps the equations as printed, with the misprints put right ([every departure, with its
-effect](departures.md)); beside it, where both apply, stands `model=smooth`, the same ideas made periodic and differentiable. The thesis leaves open the vertical speed at
+effect](departures.md)); beside it, where both apply, stands `model=smooth`,
+the same ideas made periodic and differentiable. The thesis leaves open the vertical speed at
 touchdown, the path of the swinging leg, the masses of the body and the ranges of its genes and how they breed, and
 prints no table: its pictures cannot be met line by line, only in what they show.
 """
