@@ -204,16 +204,19 @@ ENTRIES: tuple[Entry, ...] = (
             ),
         ),
         seen.convergence,
-        "**No printed run connects.** Of random possible runs none has a gamma below 4, at any speed tried, and a search"
-        " for gamma alone ends between 3.9 and 4.2 ([departures.md](departures.md)). At take-off the knee that carries"
-        " straightens fast, and theta_l of equation (5), linear in time, bends it at once: a rate that turns from -x to x"
-        " adds 4 x^2 / (x^2 + 1). So the value cannot get far below 1 - 1/2 - 1/(2 (1 + 4)) = .4, and the figure shows"
-        " how searches come near that, at an energy that is met. `model.knee=joined` is the smallest repair: the knee goes"
-        " on with the rate of the stance, which fades through the flight.\n\n![Knees about take-off, printed and joined](take_off.png)\n\nThe thesis"
-        " shows one run of the genetic algorithm; here are three seeds of it (`ga_thesis`: as printed, the plainest"
-        " choice where it is silent), of a tuned one and of random genes, each with 10,000 evaluations; without"
-        " `search=` and `seed=` the sweep has six searches and fifteen seeds. `ga` does not price its best individuals"
-        " again, so that its budget lasts for a few generations more than 100. Right: all searches by one scale.",
+        "**No printed run connects.** Of random possible runs none has a gamma below 4, at any speed tried, and a "
+        "search for gamma alone ends between 3.9 and 4.2 ([departures.md](departures.md)). At take-off the knee "
+        "that carries straightens fast, and theta_l of equation (5), linear in time, bends it at once: a rate "
+        "that turns from -x to x adds 4 x^2 / (x^2 + 1). So the value cannot get far below 1 - 1/2 - 1/(2 (1 + "
+        "4)) = .4, and the figure shows how searches come near that, at an energy that is met. "
+        "`model.knee=joined` is the smallest repair: the knee goes on with the rate of the stance, which fades "
+        "through the flight.\n\n"
+        "![Knees about take-off, printed and joined](take_off.png)\n\n"
+        "The thesis shows one run of the genetic algorithm; here are three seeds of it (`ga_thesis`: as printed, "
+        "the plainest choice where it is silent), of a tuned one and of random genes, each with 10,000 "
+        "evaluations; without `search=` and `seed=` the sweep has six searches and fifteen seeds. `ga` does not "
+        "price its best individuals again, so that its budget lasts for a few generations more than 100. Right: "
+        "all searches by one scale.",
     ),
     Entry(
         "3.3.3",
