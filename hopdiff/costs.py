@@ -23,6 +23,7 @@ from hopdiff.types import Status
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
 ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
 LEAST_DEMAND = 0.1  # weight of the energy target at beta 0, where it cannot be met, relative to beta >= 0.2
+GAMMAS = ("smooth", "ratio", "printed")
 CALMEST = 0.5  # share of the ordinary target down to which the style follows beta
 JOINT_LIMIT_SCALE = 0.5  # rad beyond its range at which a joint is grossly wrong
 
@@ -46,7 +47,11 @@ class StyleSettings:
 
 @dataclass
 class LimitSettings:
-    """Constraints. A candidate that breaks one is not a possible run."""
+    """Constraints. A candidate that breaks one is not a possible run.
+
+    penalty: of the smooth one that gradients see from `margin` inside every limit on; at 0 there is none, and what is
+    impossible has no merit either.
+    """
 
     leg_force_bw: float
     knee_stance_deg: float
@@ -60,7 +65,7 @@ class LimitSettings:
 
 @dataclass
 class CostSettings:
-    """gamma: form of the connectivity, "smooth" (bounded, differentiable) or "ratio" (as printed, guarded).
+    """gamma: form of the connectivity, a name of GAMMAS, see `connectivity`.
 
     Defaults stand in conf/costs/. extra: weights of terms that have no setting of their own.
     The other numbers are weights; `energy_match` and `leg_force` and `ordinary` come on top of eval.
@@ -124,9 +129,14 @@ def connectivity(trajectory: Trajectory, form: str, guard: float) -> Tensor:
 
     form "smooth": sum of (a - b)^2 / (a^2 + b^2 + guard^2), at most 2 a joint. form "ratio": sum of
     (max / min - 1)^2 as printed, where the smaller magnitude is kept away from zero by `guard` [rad/s] and a
-    change of sign counts with the distance between the rates. Of the two take-offs of a limp it is the mean.
+    change of sign counts with the distance between the rates. form "printed": that formula to the letter, of signed
+    rates and without a guard: poles where the smaller rate crosses zero, and rates that turn from minus to plus count
+    less than those that turn from plus to minus. Of the two take-offs of a limp it is the mean.
     """
     a, b = trajectory.rates_after, trajectory.rates_before
+    if form == "printed":
+        terms = (torch.maximum(a, b) / torch.minimum(a, b) - 1.0) ** 2
+        return terms.sum(-1) * (LEG_CHANNELS / a.shape[-1])
     # max/min - 1 = |a - b| / min for rates of one sign.
     scale = a**2 + b**2 if form == "smooth" else torch.minimum(a**2, b**2)
     return ((a - b) ** 2 / (scale + guard**2)).sum(-1) * (LEG_CHANNELS / a.shape[-1])
@@ -205,7 +215,7 @@ def style_mismatch(trajectory: Trajectory, ordinary: Calibration, style: StyleSe
         (com_bounce(trajectory), ordinary.bounce, style.bounce),
         (arm_swing(trajectory), ordinary.arm_swing, style.arm_swing),
     ):
-        total = total + (torch.log(value.clamp_min(1e-4) / usual) - exponent * growth) ** 2
+        total = total + (torch.log(value.clamp_min(1e-4) / max(usual, 1e-4)) - exponent * growth) ** 2
     return total
 
 

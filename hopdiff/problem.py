@@ -13,6 +13,7 @@ from hopdiff.character import Character
 from hopdiff.costs import Calibration, CostSettings, Judged
 from hopdiff.doors import TERMS
 from hopdiff.genes import GeneTable, froude_speed
+from hopdiff.messages import choose
 from hopdiff.models.base import Model
 from hopdiff.models.gait import Gait, stride_motion
 from hopdiff.models.trajectory import Trajectory
@@ -42,8 +43,7 @@ class RunProblem:
         given: Sequence[Term] = (),
     ) -> None:
         check_asked(speed, beta)
-        if settings.gamma not in ("smooth", "ratio"):
-            raise HopdiffError(f"costs.gamma must be smooth or ratio, not {settings.gamma!r}.")
+        choose("costs.gamma", settings.gamma, costs.GAMMAS)
         self.character = character
         self.table = table
         self.model = model
@@ -103,7 +103,8 @@ class RunProblem:
             self.table.decode(edge.unsqueeze(0)) for edge in (self.table.low * 0.0, self.table.low * 0.0 + 1.0)
         )
         way = 2.0 * float(low["leg_extension"] * torch.sin(low["touchdown_angle"])) * self.character.leg_length
-        return way / self.speed / float(high["duty_factor"])
+        # A stiffness says nothing of the flight by itself.
+        return way / self.speed / float(high.get("duty_factor", 0.5))
 
     def trajectory(self, genes: Tensor) -> Trajectory:
         """One step of every candidate; genes (P, G) in the unit box."""
@@ -119,7 +120,8 @@ class RunProblem:
         judged = Judged(genes, trajectory, gamma, energy)
         terms = priced(self.terms, judged, len(genes))
         excess = costs.excesses(trajectory, self.character, s.limits)
-        terms["penalty"] = costs.penalty(excess, s.limits)
+        if s.limits.penalty > 0:
+            terms["penalty"] = costs.penalty(excess, s.limits)
         merit = torch.stack(list(terms.values())).sum(0)
         status = costs.status_of(excess, trajectory.solved)
         finite = torch.isfinite(merit)
@@ -135,6 +137,9 @@ class RunProblem:
         with torch.set_grad_enabled(with_grad):
             merit, terms, status = self.price(genes, self.trajectory(genes))
             computable = torch.isfinite(merit) & (status != int(Status.STANCE_UNSOLVED))
+            if self.settings.limits.penalty == 0:
+                # Without a penalty nothing leads back from what is impossible: it is removed for gradients too.
+                computable = status == int(Status.OK)
             gradient = None
             if with_grad:
                 gradient, _ = gradient_of_each(merit[computable], genes)

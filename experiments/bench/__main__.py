@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import platform
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
@@ -14,7 +15,7 @@ import torch
 
 from experiments.bench.measure import measure
 from experiments.bench.playback import play
-from experiments.report import integers, markdown, words
+from experiments.report import integers, markdown, origin, words
 from hopdiff.composing import compose
 from hopdiff.config import build_job
 from hopdiff.io.files import write_whole
@@ -33,10 +34,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--crowds", type=integers, default=[1, 256], help="runs played at once")
     parser.add_argument("--seconds", type=float, default=10.0, help="of every played run, at 60 frames/s")
     parser.add_argument("--out", type=Path, default=HERE, help="folder for results.md")
-    options = parser.parse_args(arguments)
+    typed = list(sys.argv[1:] if arguments is None else arguments)
+    options = parser.parse_args(typed)
+    made = origin("bench", typed)
     torch.set_num_threads(1)
     text = "\n".join(
         (
+            made,
+            "",
             f"{processor()}, 1 thread, torch {torch.__version__}, Python {platform.python_version()}; 5 m/s, random"
             f" candidates, medians of {options.rounds} rounds.",
             "",

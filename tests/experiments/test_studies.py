@@ -44,9 +44,12 @@ def test_reach_measures_judges_and_draws(tmp_path: Path, capsys: pytest.CaptureF
     assert (tmp_path / "trends.png").stat().st_size > 10_000
     first = (tmp_path / "results.md").read_text()
     assert "| speed exact to 1e-9 | 2 of 2 | yes |" in first
+    assert "`python -m experiments.reach --speeds 3 --betas .2,.7" in first.splitlines()[0]
+    main(["--redraw", "--out", str(tmp_path)])
+    assert (tmp_path / "results.md").read_text() == first
     (tmp_path / "results.md").unlink()
     main(["--redraw", "--out", str(tmp_path)])
-    assert "| speed exact to 1e-9 | 2 of 2 | yes |" in (tmp_path / "results.md").read_text()
+    assert (tmp_path / "results.md").read_text().splitlines()[1:] == first.splitlines()[1:]
     assert "energy within 2 %" in capsys.readouterr().out
 
 
