@@ -52,6 +52,7 @@ def origin_of(page: Path) -> Origin:
     head = "\n".join(page.read_text(encoding="utf-8").splitlines()[:HEAD])
     commit = re.search(r"\b[Cc]ommit `?([0-9a-f]{7,40})\b`?,?( with changes)?", head)
     commit = commit or re.search(r"\bMade at ([0-9a-f]{7,40})\b( with changes)?", head)
+    commit = commit or re.search(r"\bafter ([0-9a-f]{7,40})\b( with changes)?", head)
     command = re.search(r"`(python -m experiments[^`]*)`", head)
     return Origin(
         commit.group(1) if commit else None, bool(commit and commit.group(2)), command.group(1) if command else None
