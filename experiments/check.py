@@ -25,8 +25,8 @@ class Page(NamedTuple):
 
 
 # Times (bench, scale), files in other programs (exports, rigs), captured clips that are not in the repository (edits,
-# joins, kim2021, ways, realism, physics), whole searches (searches, front, landscape, nodes) and the tests (mutants) are
-# not priced again here. A page that is not there yet is passed over.
+# joins, kim2021, ways, realism, physics), whole searches (searches, front, landscape, nodes) and the tests (mutants)
+# are not priced again here. A page that is not there yet is passed over.
 PAGES = (
     Page("bench/results.md", "bench/__main__.py"),
     Page("edits/results.md", "edits/__main__.py"),
