@@ -20,6 +20,7 @@ Group = dict[str, list[RunRecord]]
 # The band holds the middle four fifths of the runs.
 BAND = (0.1, 0.9)
 POINTS = 400  # of a curve over evaluations
+GENETIC = ("ga", "ga_thesis")  # the searches whose steps are generations
 MOST_ROWS = 6
 
 
@@ -32,9 +33,9 @@ def scaled_convergence_figure(records: Sequence[RunRecord]) -> Figure:
     """Scaled convergence of the searches that were run with several seeds; a row for every speed and beta, of more than
     six those spread over all.
 
-    Left, if the genetic algorithm is among them: its generations as in the thesis, every run scaled by its own
+    Left, if a genetic algorithm is among them: its generations as in the thesis, every run scaled by its own
     greatest and least best value. Right: all searches over what they spent, with one scale for all: 0 is the best of
-    all runs, 1 the median of the first best values of the genetic algorithm (of random search if there is none, else
+    all runs, 1 the median of the first best values of `ga` (or else of `ga_thesis`, of random search if there is neither, else
     of all). Lines are medians, bands hold 80 % of the runs.
     """
     repeated = _repeated(records)
@@ -81,7 +82,7 @@ def _seeds(runs: Sequence[RunRecord]) -> int:
 
 
 def _genetic(groups: Group) -> Group:
-    return {label: runs for label, runs in groups.items() if runs[0].metrics["search"] == "ga"}
+    return {label: runs for label, runs in groups.items() if runs[0].metrics["search"] in GENETIC}
 
 
 def _generations(axes: Axes, groups: Group, colours: dict[str, str]) -> None:
@@ -117,8 +118,9 @@ def _searches(axes: Axes, groups: Group, colours: dict[str, str]) -> None:
 def _common_scale(groups: Group) -> tuple[float, float]:
     """The best value of all runs, and the median of the first ones."""
     runs = [record for group in groups.values() for record in group]
-    first = {search: [r for r in runs if r.metrics["search"] == search] for search in ("ga", "random")}
-    high = float(np.median([_finite(record)[0] for record in first["ga"] or first["random"] or runs]))
+    first = {search: [r for r in runs if r.metrics["search"] == search] for search in (*GENETIC, "random")}
+    begun = next((group for group in first.values() if group), runs)
+    high = float(np.median([_finite(record)[0] for record in begun]))
     low = min(_finite(record)[-1] for record in runs)
     return low, high if high > low else low + 1.0
 

@@ -106,6 +106,7 @@ def test_a_study_depends_on_what_it_imports_and_reaches_by_name() -> None:
     assert changed_since("0" * 40, [ROOT / "hopdiff"]) is None
 
 
+@pytest.mark.thorough
 def test_the_departures_of_the_thesis_are_measured(tmp_path: Path) -> None:
     from experiments.kang1999.departures import main
     from experiments.kang1999.variants import VARIANTS, measured
