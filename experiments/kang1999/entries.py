@@ -162,10 +162,11 @@ ENTRIES: tuple[Entry, ...] = (
             *both("fig_5_3", "7 m/s, beta 0", own=OURS),
         ),
         seen.speeds,
-        "With `eval` alone as the objective nothing asks for a posture: the run at 2 m/s leans far back all the time,"
-        " and the arms, which have no swing of their own among the genes of the thesis, hang still. Beside it hopdiff's own objective (`costs=default`), which also"
-        " asks for a lean, for contact times as in everyday running and for less force on the leg; with the target of"
-        " no energy at all and all gains tied it still leans back at 2 m/s. Nobody reaches energy 0.",
+        "With `eval` alone as the objective nothing asks for a posture: the run at 2 m/s leans far back all the "
+        "time, and the arms, which have no swing of their own among the genes of the thesis, hang still. Beside "
+        "it hopdiff's own objective (`costs=default`), which also asks for a lean, for contact times as in "
+        "everyday running and for less force on the leg; with the target of no energy at all and all gains tied "
+        "it still leans back at 2 m/s. Nobody reaches energy 0.",
         RUN_TABLE,
     ),
     Entry(
@@ -174,10 +175,11 @@ ENTRIES: tuple[Entry, ...] = (
         "beta .2 gives an ordinary run and beta .7 a lively one at the same speed.",
         (*both("fig_5_4", "10 m/s, beta 0.2", own=OURS), *both("fig_5_5", "10 m/s, beta 0.7", own=OURS)),
         seen.brisk,
-        "The genes of the thesis have no swing of the arms, so a brisk run shows in the legs only, and does not bounce more."
-        " By `eval` alone the steps are shorter and quicker than any sprinter's, and at beta .2 the smoother connection"
-        " is worth more than the energy that was asked for; hopdiff's own objective keeps the steps human and meets the"
-        " energy. The thesis has no unit for its energy, ours is set so that beta .2 is everyday running.",
+        "The genes of the thesis have no swing of the arms, so a brisk run shows in the legs only, and does not "
+        "bounce more. By `eval` alone the steps are shorter and quicker than any sprinter's, and at beta .2 the "
+        "smoother connection is worth more than the energy that was asked for; hopdiff's own objective keeps the "
+        "steps human and meets the energy. The thesis has no unit for its energy, ours is set so that beta .2 is "
+        "everyday running.",
         RUN_TABLE,
     ),
     Entry(
@@ -233,9 +235,9 @@ ENTRIES: tuple[Entry, ...] = (
             ),
         ),
         seen.gains,
-        "In `eval` the vector buys next to nothing: the energy target can be met either way, and no printed run gets below"
-        " .4 with either. It is"
-        " the rest of hopdiff's own objective (posture, arms) that has some use for it.",
+        "In `eval` the vector buys next to nothing: the energy target can be met either way, and either ends at "
+        "the .4 of figure 5.7. It is the rest of hopdiff's own objective (posture, arms) that has some use for "
+        "it.",
     ),
 )
 

@@ -35,8 +35,8 @@ def scaled_convergence_figure(records: Sequence[RunRecord]) -> Figure:
 
     Left, if a genetic algorithm is among them: its generations as in the thesis, every run scaled by its own
     greatest and least best value. Right: all searches over what they spent, with one scale for all: 0 is the best of
-    all runs, 1 the median of the first best values of `ga` (or else of `ga_thesis`, of random search if there is neither, else
-    of all). Lines are medians, bands hold 80 % of the runs.
+    all runs, 1 the median of the first best values of `ga`, or else of `ga_thesis`, of random search, of all. Lines
+    are medians, bands hold 80 % of the runs.
     """
     repeated = _repeated(records)
     drawn = spread(list(repeated), MOST_ROWS)
