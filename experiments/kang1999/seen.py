@@ -93,11 +93,11 @@ def brisk(numbers: Numbers) -> str:
     calm, lively = numbers["fig_5_4"], numbers["fig_5_5"]
     ours = numbers["fig_5_4_smooth"], numbers["fig_5_5_smooth"]
     return (
-        f"From beta .2 to .7 the energy goes from {calm['energy_rate']:.2f} to {lively['energy_rate']:.2f}, by the"
-        f" legs alone: knees fold to {calm['knee_swing_max_deg']:.0f} and"
-        f" {lively['knee_swing_max_deg']:.0f} deg, flights take {calm['flight_time']:.3f} and {lively['flight_time']:.3f} s, and the centre of mass bounces"
-        f" {100 * calm['com_oscillation']:.1f} and {100 * lively['com_oscillation']:.1f} cm"
-        f" (smooth, whose arms swing {ours[0]['arm_swing_deg']:.0f} and {ours[1]['arm_swing_deg']:.0f} deg,"
+        f"From beta .2 to .7 the energy goes from {calm['energy_rate']:.2f} to {lively['energy_rate']:.2f}, by the legs"
+        f" alone: the knee folds to {calm['knee_swing_max_deg']:.0f} and {lively['knee_swing_max_deg']:.0f} deg,"
+        f" flights take {calm['flight_time']:.3f} and {lively['flight_time']:.3f} s, and the centre of mass bounces"
+        f" {100 * calm['com_oscillation']:.1f} and {100 * lively['com_oscillation']:.1f} cm (smooth, whose arms swing"
+        f" {ours[0]['arm_swing_deg']:.0f} and {ours[1]['arm_swing_deg']:.0f} deg:"
         f" {100 * ours[0]['com_oscillation']:.1f} and {100 * ours[1]['com_oscillation']:.1f} cm)."
     )
 

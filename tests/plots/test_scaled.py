@@ -110,3 +110,9 @@ def test_many_bands_would_hide_the_lines() -> None:
         ]
         for axes in scaled_convergence_figure(series(runs)).axes:
             assert (len(axes.lines), len(axes.collections)) == (count, bands)
+
+
+def test_generations_of_both_genetic_algorithms_are_drawn() -> None:
+    runs = [record(name, seed) for name in ("ga", "ga_thesis", "random") for seed in (0, 1)]
+    left, right = scaled_convergence_figure(series(runs)).axes
+    assert (len(left.lines), len(right.lines)) == (2, 3)
