@@ -29,6 +29,22 @@ def smooth_max(a: Tensor, b: Tensor | float, width: float) -> Tensor:
     return 0.5 * (a + b + torch.sqrt((a - b) ** 2 + width**2))
 
 
+@lru_cache(maxsize=256)
+def constant(values: tuple[float, ...], dtype: torch.dtype, device: torch.device) -> Tensor:
+    """A row of numbers that is made once a dtype and device: a new tensor a call is a copy to the device a call."""
+    return torch.tensor(values, dtype=dtype, device=device)
+
+
+def solve_small(matrix: Tensor, right: Tensor) -> Tensor:
+    """x (P, N) with matrix (P, N, N) x = right (P, N), written out for N = 2; not finite where there is none."""
+    if right.shape[-1] != 2:
+        found: Tensor = torch.linalg.solve_ex(matrix, right.unsqueeze(-1))[0].squeeze(-1)
+        return found
+    (a, b), (c, d) = (row.unbind(-1) for row in matrix.unbind(-2))
+    e, f = right.unbind(-1)
+    return torch.stack((e * d - b * f, a * f - e * c), dim=-1) / (a * d - b * c).unsqueeze(-1)
+
+
 def gradient_of_each(values: Tensor, inputs: Tensor) -> tuple[Tensor, Tensor]:
     """Gradients (P, G) of values by the inputs of each (P, G), and whether they are finite (P,); 0 where they are not.
 

@@ -17,6 +17,7 @@ from hopdiff.effort.settings import BodyLimits
 from hopdiff.numerics import GRAVITY
 from hopdiff.types import Status
 from hopdiff.whole_body.layout import FEET, SHANKS
+from hopdiff.whole_body.support import places_of
 
 CONVERGED = 0.02  # m and rad that the last round of the solution may go
 TOLERANCE = 0.5  # of a unit by which a limit may be overstepped at any moment
@@ -40,29 +41,37 @@ class Excess(NamedTuple):
 
 def excesses(run: Priced, limits: BodyLimits) -> list[Excess]:
     """How far each limit is overstepped."""
-    angles, shares = run.body.angles, run.shares
+    angles, shares = run.body.angles, run.fine_shares
     found = []
+    hip = angles.thigh + angles.pelvis[:, :1]
+    ankle = angles.foot - angles.thigh + angles.knee
+    force = run.body.carried.force / GRAVITY
+    feet, knees = run.body.joints[:, FEET], run.body.joints[:, SHANKS]
+    apart = torch.stack((feet[:, 0, 0] - feet[:, 1, 0], knees[:, 0, 0] - knees[:, 1, 0]), dim=1)
+    pairs = (angles.knee, ankle, hip, angles.elbow, apart, feet[:, :, 1], angles.foot, force.flatten(1, 2))
+    fine = run.finer(torch.cat(pairs, dim=1))
+    knee, ankle, hip, elbow, apart, height, pitch = fine[:, :14].unflatten(1, (7, 2)).unbind(1)
+    force = fine[:, 14:].unflatten(1, (2, 3))
 
     def between(values: Tensor, degrees: list[float], status: Status = Status.JOINT_LIMIT) -> None:
         low, high = (math.radians(x) for x in degrees)
         found.append(Excess(status, torch.stack((low - values, values - high), dim=1) / ANGLE, shares))
 
-    between(angles.knee, limits.knee_deg)
-    between(angles.foot - angles.thigh + angles.knee, limits.ankle_deg)
-    between(angles.thigh + angles.pelvis[:, :1], limits.hip_deg)
-    between(angles.elbow, limits.elbow_deg)
-    force = run.body.carried.force / GRAVITY
+    between(knee, limits.knee_deg)
+    between(ankle, limits.ankle_deg)
+    between(hip, limits.hip_deg)
+    between(elbow, limits.elbow_deg)
     sideways = torch.sqrt(force[:, :, 0] ** 2 + force[:, :, 2] ** 2 + 1e-12)
     lift = force[:, :, 1]
     found.append(Excess(Status.PULLED_DOWN, -lift / GRIP, shares))
     # Where a foot hardly touches the ground it needs little grip, but the share of it tells.
-    grip = sideways - limits.friction * lift.clamp_min(0.0)
-    found.append(Excess(Status.SLIPPERY, grip / (0.005 + 0.015 * lift.clamp_min(0.0)), shares))
-    reach = torch.cat(run.body.reach, dim=-1)
+    pressed = lift.clamp_min(0.0)
+    grip = sideways - limits.friction * pressed
+    found.append(Excess(Status.SLIPPERY, grip / (0.005 + 0.015 * pressed), shares))
+    footings = run.movement.support.footings
+    reach = torch.cat([one.grid.finer(own) for one, own in zip(footings, run.body.reach, strict=True)], dim=-1)
     found.append(Excess(Status.LEG_OVERREACH, (reach - limits.reach) / 0.005, None))
-    found += _clearance(run, limits)
-    feet, knees = run.body.joints[:, FEET, 0], run.body.joints[:, SHANKS, 0]
-    apart = torch.stack((feet[:, 0] - feet[:, 1], knees[:, 0] - knees[:, 1]), dim=1)
+    found += _clearance(run, limits, height, pitch)
     found.append(Excess(Status.LEGS_MEET, (limits.apart - apart / run.leg) / 0.03, shares))
     plan = run.movement.plan
     air = [phase for phase in range(plan.count) if phase not in plan.standing]
@@ -72,23 +81,25 @@ def excesses(run: Priced, limits: BodyLimits) -> list[Excess]:
     return found
 
 
-def _clearance(run: Priced, limits: BodyLimits) -> list[Excess]:
-    """Heel and ball of a swinging foot: above the ground, and in mid-swing as high as is asked."""
-    layout = run.movement.layout
+def _clearance(run: Priced, limits: BodyLimits, height: Tensor, pitch: Tensor) -> list[Excess]:
+    """Heel and ball of a swinging foot: above the ground, and in mid-swing as high as is asked.
+
+    height, pitch: (P, 2, F) of ankle [m] and foot [rad].
+    """
+    movement = run.movement
+    plan = movement.plan
+    down, heel, ball = movement.layout.sole
     wishes, depths, weights = [], [], []
-    for phase, swing in zip(run.movement.legs.phases, run.movement.legs.swings, strict=True):
+    for contact, swing in zip(plan.contacts, movement.legs.swings, strict=True):
+        places = places_of(plan.finer, contact.limb, plan.swing(contact), height.dtype, height.device)
+        phase = swing.grid.fine.times / swing.whole.unsqueeze(-1)
         wanted = limits.clearance * torch.sin(math.pi * phase) ** 2
-        for piece in swing[0]:
-            ankle = run.body.joints[:, FEET][:, piece.side, 1, piece.period]
-            pitch = run.body.angles.foot[:, piece.side, piece.period]
-            points = [
-                ankle + point[1] * torch.cos(pitch) + point[2] * torch.sin(pitch)
-                for point in (layout.heel, layout.ball)
-            ]
-            height = torch.stack(points, dim=1) / run.leg
-            wishes.append((wanted[:, piece.own].unsqueeze(1) - height) / GROUND)
-            depths.append(-height / GROUND)
-            weights.append(run.shares[:, piece.period])
+        ankle, turn = places.of_both(height), places.of_both(pitch)
+        above, ahead = ankle - down * torch.cos(turn), torch.sin(turn)
+        points = torch.stack((above + heel * ahead, above + ball * ahead), dim=1) / run.leg
+        wishes.append((wanted.unsqueeze(1) - points) / GROUND)
+        depths.append(-points / GROUND)
+        weights.append(run.fine_shares.index_select(-1, places.index))
     shares = torch.cat(weights, dim=-1)
     return [
         Excess(Status.FOOT_UNDERGROUND, torch.cat(depths, dim=-1), shares),

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
 
 from hopdiff.numerics import GRAVITY
 from hopdiff.whole_body.dynamics import Dynamics
+from hopdiff.whole_body.grid import Fine
 from hopdiff.whole_body.movement import Body, Movement
 
-POWER_WIDTH = 0.0024  # of g sqrt(g l)
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +29,7 @@ class Priced:
     body: Body
     dynamics: Dynamics
     moved: Tensor
+    known: dict[str, Any] = field(default_factory=dict, init=False)
 
     @property
     def weights(self) -> Tensor:
@@ -51,10 +56,38 @@ class Priced:
         """sqrt(l / g) [s]."""
         return float((self.leg / GRAVITY) ** 0.5)
 
+    def once(self, name: str, make: Callable[[], Made]) -> Made:
+        """What `make` gives, made the first time that it is asked for by this name: terms of the cost share it."""
+        if name not in self.known:
+            self.known[name] = make()
+        found: Made = self.known[name]
+        return found
+
+    # Work, effort and limits have kinks and narrow turns: smooth curves are carried over to more nodes, and what is
+    # made of them is integrated there.
+
     @property
-    def power_width(self) -> float:
-        """Power over which positive and negative work pass into each other, a share of g sqrt(g l) [W/kg]."""
-        return POWER_WIDTH * GRAVITY * self.leg / self.pace
+    def fine(self) -> Fine:
+        """More nodes of the period (F)."""
+        return self.movement.grid.fine
+
+    @cached_property
+    def fine_shares(self) -> Tensor:
+        """(P, F) of the mean over the period."""
+        return self.fine.weights / self.movement.grid.total.unsqueeze(-1)
+
+    def finer(self, values: Tensor) -> Tensor:
+        """Smooth curves (P, ..., M) on the finer nodes (P, ..., F)."""
+        return self.movement.grid.finer(values)
+
+    def fine_per_way(self, values: Tensor) -> Tensor:
+        """`per_way` of values (P, ..., F)."""
+        summed = values.flatten(1, -2).sum(1)
+        return (summed * self.fine.weights).sum(-1) / (GRAVITY * self.way)
+
+    def positive_per_way(self, values: Tensor) -> Tensor:
+        """`per_way` of max(values, 0) of smooth curves (P, C, F)."""
+        return self.fine.positive(values).sum(1) / (GRAVITY * self.way)
 
     def per_way(self, values: Tensor) -> Tensor:
         """Integral over time of (P, ..., M), summed over everything else, in body weights times the way (P,)."""
@@ -68,16 +101,14 @@ class Priced:
 
     def external_work(self) -> Tensor:
         """(P,) positive work of the ground force on the centre of mass, in body weights times the way."""
+        return self.once("external_work", self._external_work)
+
+    def _external_work(self) -> Tensor:
         carried = self.body.carried
-        force = carried.force.sum(1)
         velocity = self.movement.grid.derivative(carried.com)
-        return self.per_way(softly_positive((force * velocity).sum(1), self.power_width))
+        force, velocity = self.finer(torch.cat((carried.force.sum(1), velocity), dim=1)).split(3, dim=1)
+        return self.positive_per_way((force * velocity).sum(1, keepdim=True))
 
     def contact_times(self) -> Tensor:
         """(P, C) of each contact [s]."""
         return torch.stack([footing.grid.total for footing in self.movement.support.footings], dim=-1)
-
-
-def softly_positive(values: Tensor, width: float) -> Tensor:
-    """max(values, 0), rounded over about `width`, and 0 at 0."""
-    return 0.5 * (values + torch.sqrt(values**2 + width**2) - width)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import torch
@@ -24,6 +25,7 @@ from hopdiff.search.base import Eval
 from hopdiff.search.gradient import Gradient
 from hopdiff.search.loop import Budget, run_search
 from hopdiff.types import HopdiffError, Status, check_asked
+from hopdiff.whole_body.anchor import Anchor
 from hopdiff.whole_body.dynamics import dynamics
 from hopdiff.whole_body.finish import stride_motion
 from hopdiff.whole_body.gait import BodyGait
@@ -113,6 +115,11 @@ class BodyProblem:
         """Duration of the shortest stride that the gene table allows [s]."""
         return 2.0 * float(self.table.decode(torch.zeros_like(self.table.low))["step_time"])
 
+    @cached_property
+    def anchor(self) -> Anchor | None:
+        """The solved movement at the start of searches, beside which others are found."""
+        return self.model.anchor(self.table.decode(self.start.unsqueeze(0)), self.start.new_tensor([self.speed]))
+
     def _least(self) -> Least:
         """The run of least cost: given by the settings, or searched for, the same way whatever the user's search is."""
         given = self.settings.least
@@ -148,7 +155,7 @@ class BodyProblem:
     def run(self, genes: Tensor, with_grad: bool) -> Priced:
         """The solved movements of candidates (P, G) of the unit box."""
         speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
-        movement, body, moved = self.model.solved(self.table.decode(genes), speed, with_grad)
+        movement, body, moved = self.model.solved(self.table.decode(genes), speed, with_grad, self.anchor)
         return Priced(movement, body, dynamics(movement, body), moved)
 
     def solved(self, genes: Tensor) -> Priced:

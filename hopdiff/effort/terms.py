@@ -11,17 +11,18 @@ from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
-from hopdiff.effort.priced import Priced, softly_positive
+from hopdiff.effort.priced import Priced
 from hopdiff.effort.settings import EffortSettings
 from hopdiff.numerics import GRAVITY
 from hopdiff.objective import Term
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.dynamics import ANKLES
 from hopdiff.whole_body.layout import SEGMENTS
+from hopdiff.whole_body.support import places_of
 
 TURNING = 0.1  # of the lesser strength: over what a torque passes from one direction's muscles to the other's
-SHARPNESS = 30.0  # 1/rad, of the largest knee flexion
 LEG_JOINTS = slice(3, 9)  # hips, knees, ankles among the joints after the pelvis
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
 ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
@@ -86,8 +87,9 @@ class Muscles(NamedTuple):
 
     def strain(self, torque: Tensor, values: Tensor) -> Tensor:
         """(P, S - 1, 3, M) squares of values over the strength in the direction of the torque."""
-        ahead = torch.sigmoid(torque / (TURNING * torch.minimum(self.forward, self.backward).clamp(max=1e3)))
-        return values**2 * (ahead / self.forward**2 + (1.0 - ahead) / self.backward**2)
+        ahead, behind = self.forward**-2, self.backward**-2
+        turning = 1.0 / (TURNING * torch.minimum(self.forward, self.backward).clamp(max=1e3))
+        return values**2 * (behind + (ahead - behind) * torch.sigmoid(torque * turning))
 
 
 def _pair(strengths: list[Any]) -> bool:
@@ -122,32 +124,39 @@ def energy_rate(ratio: Tensor, scale: float) -> Tensor:
 
 
 class Pull(NamedTuple):
-    """What muscles do at the joints. torque, torque_rate: (P, S - 1, 3, M), of `Dynamics` less what holds passively."""
+    """What muscles do at the joints, on the finer nodes. torque, torque_rate: (P, S - 1, 3, F), of `Dynamics` less what
+    holds passively; rate: of the joints.
+    """
 
     torque: Tensor
     torque_rate: Tensor
+    rate: Tensor
 
 
 def muscle_pull(run: Priced, settings: EffortSettings) -> Pull:
     """Torques of the muscles: those of the joints, less what ligaments hold the feet with."""
     dynamics, angles = run.dynamics, run.body.angles
-    if settings.ankle_stiffness == 0.0:
-        return Pull(dynamics.torque, dynamics.torque_rate)
-    stiffness = settings.ankle_stiffness * GRAVITY * run.leg
-    bent = angles.foot - angles.thigh + angles.knee - math.radians(settings.ankle_rest_deg)
-    held = torch.zeros_like(dynamics.torque)
-    held[:, ANKLES, 0] = stiffness * bent
-    return Pull(dynamics.torque - held, dynamics.torque_rate - run.movement.grid.derivative(held))
+    torque, rate = dynamics.torque, dynamics.torque_rate
+    if settings.ankle_stiffness != 0.0:
+        stiffness = settings.ankle_stiffness * GRAVITY * run.leg
+        bent = angles.foot - angles.thigh + angles.knee - math.radians(settings.ankle_rest_deg)
+        held = functional.pad(
+            (stiffness * bent).unsqueeze(2), (0, 0, 0, 2, ANKLES.start, len(SEGMENTS) - 1 - ANKLES.stop)
+        )
+        torque, rate = torque - held, rate - run.movement.grid.derivative(held)
+    return Pull(*run.finer(torch.stack((torque, rate, dynamics.rate))).unbind(0))
 
 
-def muscle_power(run: Priced, pull: Pull, muscles: Muscles, transfer: float) -> Tensor:
-    """(P, S - 1, 3, M) power of the muscles at every joint and axis [W/kg].
+def muscle_power(pull: Pull, muscles: Muscles, transfer: float) -> Tensor:
+    """(P, S - 1, 3, F) power of the muscles at every joint and axis [W/kg].
 
     Tendons in series give way: a muscle moves at the joint's rate plus torque rate over stiffness. Of the flexing
     powers of one leg the share `transfer` is evened out between hip, knee and ankle, as muscles that span two joints
     do (van Ingen Schenau 1989).
     """
-    power = pull.torque * (run.dynamics.rate + pull.torque_rate * muscles.give)
+    power = pull.torque * (pull.rate + pull.torque_rate * muscles.give)
+    if transfer == 0.0:
+        return power
     legs = power[:, LEG_JOINTS, 0].unflatten(1, (3, 2))
     mixed = transfer * legs.mean(1, keepdim=True) + (1.0 - transfer) * legs
     flexing = torch.cat((power[:, :3, 0], mixed.flatten(1, 2), power[:, 9:, 0]), dim=1)
@@ -155,11 +164,12 @@ def muscle_power(run: Priced, pull: Pull, muscles: Muscles, transfer: float) -> 
 
 
 def largest_swing_knee(run: Priced) -> Tensor:
-    """(P, C) softly the largest flexion of each leg's knee in the air [rad]."""
+    """(P, C) the largest flexion of each leg's knee in the air [rad]."""
+    fine, movement = run.finer(run.body.angles.knee), run.movement
     found = []
-    for swing in run.movement.legs.swings:
-        knee = torch.cat([run.body.angles.knee[:, p.side, p.period] for p in swing[0]], dim=-1)
-        found.append(torch.logsumexp(SHARPNESS * knee, dim=-1) / SHARPNESS)
+    for contact in movement.plan.contacts:
+        places = places_of(movement.plan.finer, contact.limb, movement.plan.swing(contact), fine.dtype, fine.device)
+        found.append(places.of_both(fine).amax(-1))
     return torch.stack(found, dim=-1)
 
 
@@ -186,8 +196,8 @@ def _seen_by_limbs(run: Priced, angle: Tensor) -> list[Tensor]:
     """A roll or yaw (P, M) over each contact (P, K), as a left limb would see it."""
     support, found = run.movement.support, []
     for footing, places in zip(support.footings, support.pieces, strict=True):
-        own = [angle[:, p.period] * (-1.0 if p.mirrored else 1.0) for p in places]
-        found.append(footing.side * torch.cat(own, dim=-1))
+        own = places.seen(angle) * footing.side
+        found.append(own * places.flip[0] if places.mirrored else own)
     return found
 
 
@@ -197,13 +207,22 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
     A new term is one more row here; its weight may be `settings.extra.get(NAME, DEFAULT)`, which costs.NAME sets.
     """
 
-    def power(run: Priced) -> Tensor:
-        return muscle_power(run, muscle_pull(run, settings), muscles, settings.transfer)
+    def pull(run: Priced) -> Pull:
+        return run.once("pull", lambda: muscle_pull(run, settings))
+
+    def work(run: Priced) -> tuple[Tensor, Tensor]:
+        """Positive and negative (P,)."""
+        power = muscle_power(pull(run), muscles, settings.transfer).flatten(1, 2)
+        positive = run.positive_per_way(power)
+        return positive, positive - run.fine_per_way(power)
+
+    def done(run: Priced, sign: int) -> Tensor:
+        return run.once("work", lambda: work(run))[sign]
 
     def held(run: Priced, order: int) -> Tensor:
-        pull = muscle_pull(run, settings)
-        strain = muscles.strain(pull.torque, (pull.torque, pull.torque_rate)[order])
-        return run.per_way(strain) * (GRAVITY * run.leg / pace) * pace ** (2 * order)
+        here = pull(run)
+        strain = muscles.strain(here.torque, (here.torque, here.torque_rate)[order])
+        return run.fine_per_way(strain) * (GRAVITY * run.leg / pace) * pace ** (2 * order)
 
     def over(run: Priced) -> Tensor:
         assert asked.contact_time is not None
@@ -218,18 +237,8 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
     lean, drop, yaw = (math.radians(x) for x in (wish.trunk_lean_deg, wish.pelvis_drop_deg, wish.pelvis_yaw_deg))
     arms = math.radians(wish.arm_swing_deg) * asked.energy**wish.arm_growth
     rows = [
-        Term(
-            "positive_work",
-            settings.positive_work,
-            lambda r: r.per_way(softly_positive(power(r), r.power_width)),
-            "effort",
-        ),
-        Term(
-            "negative_work",
-            settings.negative_work,
-            lambda r: r.per_way(softly_positive(-power(r), r.power_width)),
-            "effort",
-        ),
+        Term("positive_work", settings.positive_work, lambda r: done(r, 0), "effort"),
+        Term("negative_work", settings.negative_work, lambda r: done(r, 1), "effort"),
         Term("torque", settings.torque, lambda r: held(r, 0), "effort"),
         Term("torque_rate", settings.torque_rate, lambda r: held(r, 1), "effort"),
         Term("steady", settings.steady, lambda r: r.mean((r.body.angles.chest[:, 2] / 0.1) ** 2), "effort"),

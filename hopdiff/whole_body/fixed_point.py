@@ -45,12 +45,19 @@ def fixed_point(
     prepare: Callable[[Tensor], Any],
     rounds: int,
     adjoint_rounds: int,
+    answer: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """The state (P, K) after `rounds` of `one_round`, and how far the last of them moved it (P,).
 
     prepare: what a round is told, worked out from the state now and then. With adjoint_rounds the state carries the
     gradient of the fixed point: the adjoint equation is solved by as many rounds of its own.
+    answer: (K, K) about the inverse of 1 - d(round)/d(state), row vectors from the left: every step, and every one of
+    the adjoint, is multiplied by it, and what a round is told stays as it was at the start.
     """
+
+    def guided(step: Tensor) -> Tensor:
+        return step if answer is None else step @ answer
+
     with torch.no_grad():
         state = start
         told = prepare(state)
@@ -58,25 +65,28 @@ def fixed_point(
         recent = _Recent()
         # With a gradient the last round is the one that is recorded.
         for k in range(rounds - (adjoint_rounds > 0)):
-            if k in REBUILT:
+            if k in REBUILT and answer is None:
                 told = prepare(state)
                 recent = _Recent()
             step = one_round(state, told) - state
             moved = step.abs().amax(-1)
+            step = guided(step)
             state = recent.next(state, step) if k + 1 < rounds else state + step
     if not adjoint_rounds:
         return state, moved
     seen = state.detach().requires_grad_(True)
     found = one_round(seen, told)
-    moved = (found.detach() - state).abs().amax(-1)
+    step = found.detach() - state
+    moved = step.abs().amax(-1)
 
     def adjoint(gradient: Tensor) -> Tensor:
-        total = gradient
+        total = gradient if answer is None else gradient @ answer.T
         for _ in range(adjoint_rounds):
             (pulled,) = torch.autograd.grad(found, seen, total, retain_graph=True)
-            total = gradient + pulled
+            left = gradient + pulled - total
+            total = total + (left if answer is None else left @ answer.T)
         return total
 
-    solved: Any = found.clone()
+    solved: Any = found + (guided(step) - step)
     solved.register_hook(adjoint)
     return solved, moved

@@ -26,15 +26,21 @@ class Sole(NamedTuple):
 
 def sole(layout: Layout, pitch: Tensor) -> Sole:
     """Where ankle and contact point of a standing foot are, for its pitch (...), toes up [rad]."""
-    heel, ball = layout.heel, layout.ball
-    width = ROUND * float(ball[2] - heel[2])
+    down, heel, ball = layout.sole
+    width = ROUND * (ball - heel)
     c, s = pitch.cos(), pitch.sin()
-    down, along = -float(heel[1]), (float(heel[2]), float(ball[2]))
-    first, second = down * c - along[0] * s, down * c - along[1] * s
-    share = torch.sigmoid((second - first) / width)
-    height = first + width * functional.softplus((second - first) / width)
-    reach = along[0] + (along[1] - along[0]) * share
-    return Sole(height, reach * c + down * s)
+    # How much lower the ball's edge is than the heel's, in widths.
+    lower = s * ((heel - ball) / width)
+    low = c * down
+    height = low - heel * s + width * functional.softplus(lower)
+    reach = heel + (ball - heel) * torch.sigmoid(lower)
+    return Sole(height, reach * c + s * down)
+
+
+def pitch_shapes(phase: Tensor, settle: Tensor, slap: Tensor, rise: Tensor) -> tuple[Tensor, Tensor]:
+    """What `pitch_course` adds up, (P, M) each: how the foot comes down flat, and how it rises on its ball."""
+    settle, slap, rise = settle.unsqueeze(-1), slap.unsqueeze(-1), rise.unsqueeze(-1)
+    return torch.exp(-(settle + slap * phase) * phase), phase.clamp_min(1e-12) ** rise
 
 
 def pitch_course(
@@ -45,6 +51,5 @@ def pitch_course(
     From `touchdown` (P,) it comes down flat as exp(-settle s - slap s^2), and rises on its ball to `takeoff` (P,) as
     s^rise: people's feet do about that (see experiments/realism).
     """
-    settle, slap, rise = settle.unsqueeze(-1), slap.unsqueeze(-1), rise.unsqueeze(-1)
-    fall = torch.exp(-(settle + slap * phase) * phase)
-    return touchdown.unsqueeze(-1) * fall + takeoff.unsqueeze(-1) * phase.clamp_min(1e-12) ** rise
+    fall, climb = pitch_shapes(phase, settle, slap, rise)
+    return touchdown.unsqueeze(-1) * fall + takeoff.unsqueeze(-1) * climb

@@ -7,7 +7,7 @@ with a fixed matrix and one scaling.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
@@ -15,10 +15,12 @@ from torch import Tensor
 
 from hopdiff.numerics import (
     chebyshev_interpolate,
+    chebyshev_interpolation_numpy,
     chebyshev_nodes,
     differentiation_matrix,
     integration_matrix,
 )
+from hopdiff.whole_body.plan import FINER
 
 
 @lru_cache(maxsize=64)
@@ -50,6 +52,41 @@ def _places(nodes: tuple[int, ...], dtype: torch.dtype, device: torch.device) ->
     """(M,) each node's place in its phase, 0 to 1, and its weight in the integral over the phase."""
     places = torch.cat([chebyshev_nodes(n, dtype, device) for n in nodes])
     return places, torch.cat([integration_matrix(n, dtype, device)[-1] for n in nodes])
+
+
+@lru_cache(maxsize=64)
+def _to_fine(nodes: tuple[int, ...], fine: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> Tensor:
+    """(M, F) from values on the nodes of every phase to those on more nodes of it."""
+    here = torch.device("cpu")
+    found = torch.block_diag(
+        *(
+            torch.as_tensor(chebyshev_interpolation_numpy(n, chebyshev_nodes(f, torch.float64, here).numpy()))
+            for n, f in zip(nodes, fine, strict=True)
+        )
+    )
+    return found.T.to(device, dtype).contiguous()
+
+
+@lru_cache(maxsize=64)
+def _cells(fine: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> tuple[Tensor, Tensor]:
+    """Of F nodes: (F - 1,) from each to the next in durations of its phase, 0 from phase to phase; and (F, F - 1)
+    integrals from each to the next of the cubics through the four nodes about them, less those of straight lines.
+    """
+    size = sum(fine)
+    gaps, bends, first = np.zeros(size - 1), np.zeros((size, size - 1)), 0
+    for n in fine:
+        places = chebyshev_nodes(n, torch.float64, torch.device("cpu")).numpy()
+        for k in range(n - 1):
+            gap = places[k + 1] - places[k]
+            near = min(max(k - 1, 0), n - 4) + np.arange(4)
+            # Exact for 1, x, x^2 and x^3, in gaps from the start of the cell.
+            powers = np.vander((places[near] - places[k]) / gap, 4, increasing=True).T
+            bends[first + near, first + k] = gap * np.linalg.solve(powers, 1.0 / np.arange(1.0, 5.0))
+            bends[first + k : first + k + 2, first + k] -= 0.5 * gap
+            gaps[first + k] = gap
+        first += n
+    gap_row, bend_rows = (torch.as_tensor(x, dtype=dtype, device=device) for x in (gaps, bends))
+    return gap_row, bend_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +149,15 @@ class Grid:
         total = self.total_of(values)
         return total / self.total.reshape(-1, *[1] * (total.dim() - 1))
 
+    @cached_property
+    def fine(self) -> Fine:
+        """`FINER` times as many nodes."""
+        return Fine(tuple(FINER * n for n in self.nodes), self.durations)
+
+    def finer(self, values: Tensor) -> Tensor:
+        """Values (P, ..., M) of smooth curves on the nodes of `fine` (P, ..., F)."""
+        return values @ _to_fine(self.nodes, self.fine.nodes, values.dtype, values.device)
+
     def sample(self, values: Tensor, times: Tensor) -> Tensor:
         """Values (P, C, T) of curves (P, C, M) at times (P, T) since the start of the first phase [s].
 
@@ -128,3 +174,21 @@ class Grid:
             start = start + duration
         assert found is not None
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class Fine(Grid):
+    """More nodes, F in all, for integrals of what is not smooth; see `Grid.fine`."""
+
+    def positive(self, values: Tensor) -> Tensor:
+        """Integral (P, C) of max(values, 0) over smooth curves (P, C, F).
+
+        From node to node a curve is taken for a cubic where it keeps its sign, for straight where it changes it: the
+        kink then costs no more than the third power of the distance.
+        """
+        gaps, bends = _cells(self.nodes, values.dtype, values.device)
+        above, size = torch.relu(values), values.abs()
+        both = above[..., :-1] + above[..., 1:]
+        share = both / (size[..., :-1] + size[..., 1:] + torch.finfo(values.dtype).tiny)
+        whole = share * (0.5 * gaps * both + values @ bends)
+        return (whole * self.spans[:, None, :-1]).sum(-1)

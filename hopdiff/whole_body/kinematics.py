@@ -11,7 +11,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from hopdiff.whole_body.layout import CHEST, PARENTS, Layout
+from hopdiff.numerics import constant
+from hopdiff.whole_body.layout import CHEST, Layout
 
 
 class Angles(NamedTuple):
@@ -36,44 +37,45 @@ class Angles(NamedTuple):
     inward: Tensor
 
 
-def attitude_frames(pitch: Tensor, roll: Tensor, yaw: Tensor) -> Tensor:
-    """Frames (..., 3, 3, M) of the rotation yaw, then roll, then pitch, about up, forward and left; angles (..., M)."""
-    angles = torch.stack((pitch, roll, yaw))
-    (cx, cz, cy), (sx, sz, sy) = angles.cos().unbind(0), angles.sin().unbind(0)
+def attitude_frames(angles: Tensor) -> Tensor:
+    """Frames (..., 3, 3, M) of the rotation yaw, then roll, then pitch, about up, forward and left.
+
+    angles: (..., 3, M) pitch, roll and yaw.
+    """
+    (cx, cz, cy), (sx, sz, sy) = angles.cos().unbind(-2), angles.sin().unbind(-2)
     zx, zy = sz * cx, sz * sx
-    left = torch.stack((cy * cz, sz, -sy * cz), dim=-2)
-    up = torch.stack((sy * sx - cy * zx, cz * cx, sy * zx + cy * sx), dim=-2)
-    ahead = torch.stack((cy * zy + sy * cx, -cz * sx, cy * cx - sy * zy), dim=-2)
-    return torch.stack((left, up, ahead), dim=-3)
+    axes = (cy * cz, sz, -sy * cz, sy * sx - cy * zx, cz * cx, sy * zx + cy * sx, cy * zy + sy * cx, -cz * sx)
+    return torch.stack((*axes, cy * cx - sy * zy), dim=-2).unflatten(-2, (3, 3))
 
 
 def limb_frames(turn: Tensor, flexion: Tensor) -> Tensor:
     """Frames (..., 3, 3, M) of a turn about forward, then a flexion (forward, about left); angles (..., M)."""
-    angles = torch.stack((turn, flexion))
-    (cz, cx), (sz, sx) = angles.cos().unbind(0), angles.sin().unbind(0)
-    none = torch.zeros_like(turn)
-    left = torch.stack((cz, sz, none), dim=-2)
-    up = torch.stack((-sz * cx, cz * cx, -sx), dim=-2)
-    ahead = torch.stack((-sz * sx, cz * sx, cx), dim=-2)
-    return torch.stack((left, up, ahead), dim=-3)
+    cz, sz = turn.cos(), turn.sin()
+    cx, sx = flexion.cos(), flexion.sin()
+    axes = (cz, sz, torch.zeros_like(cx), -sz * cx, cz * cx, -sx, -sz * sx, cz * sx, cx)
+    return torch.stack(axes, dim=-2).unflatten(-2, (3, 3))
 
 
 def trunk_frames(angles: Angles) -> Tensor:
     """(P, 4, 3, 3, M) of pelvis, waist, chest and head."""
-    stacked = torch.stack((angles.pelvis, angles.waist, angles.chest, angles.head), dim=1)
-    return attitude_frames(stacked[:, :, 0], stacked[:, :, 1], stacked[:, :, 2])
+    return attitude_frames(torch.stack((angles.pelvis, angles.waist, angles.chest, angles.head), dim=1))
 
 
-def all_frames(angles: Angles, trunk: Tensor) -> Tensor:
-    """(P, S, 3, 3, M) of all segments; trunk: what `trunk_frames` gave."""
-    turn = torch.cat((angles.tilt, angles.tilt, torch.zeros_like(angles.tilt)), dim=1)
-    legs = limb_frames(turn, torch.cat((angles.thigh, angles.thigh - angles.knee, angles.foot), dim=1))
-    return torch.cat((trunk, legs, _arm_frames(angles, trunk[:, CHEST])), dim=1)
+def all_frames(angles: Angles, trunk: Tensor, arms: Tensor | None = None) -> Tensor:
+    """(P, S, 3, 3, M) of all segments; trunk, arms: what `trunk_frames` and `arm_frames` gave."""
+    arms = arm_frames(angles) if arms is None else arms
+    flexion = torch.stack((angles.thigh, angles.thigh - angles.knee, angles.foot), dim=1)
+    # Feet stand level from side to side, whichever way the leg leans.
+    turn = torch.stack((angles.tilt, angles.tilt, torch.zeros_like(angles.tilt)), dim=1)
+    legs = limb_frames(turn, flexion).flatten(1, 2)
+    # From the chest's frame to the world.
+    carried = (arms.unsqueeze(-2) * trunk[:, None, None, CHEST]).sum(3)
+    return torch.cat((trunk, legs, carried), dim=1)
 
 
-def _arm_frames(angles: Angles, chest: Tensor) -> Tensor:
-    """(P, 4, 3, 3, M) of both upper arms and both forearms."""
-    sides = angles.shoulder.new_tensor((1.0, -1.0))[:, None]
+def arm_frames(angles: Angles) -> Tensor:
+    """(P, 4, 3, 3, M) of both upper arms and both forearms in the frame of the chest."""
+    sides = constant((1.0, -1.0), angles.shoulder.dtype, angles.shoulder.device)[:, None]
     outward = (sides * angles.abduction[:, None, None]).expand_as(angles.shoulder)
     own = limb_frames(outward, angles.shoulder)
     turned = -sides * angles.inward[:, None, None]
@@ -83,16 +85,21 @@ def _arm_frames(angles: Angles, chest: Tensor) -> Tensor:
     c, s = angles.elbow.cos().unsqueeze(2), angles.elbow.sin().unsqueeze(2)
     left, up, ahead = upper.unbind(2)
     lower = torch.stack((left, c * up - s * ahead, s * up + c * ahead), dim=2)
-    return torch.einsum("pjim,pskjm->pskim", chest, torch.cat((upper, lower), dim=1))
+    return torch.cat((upper, lower), dim=1)
+
+
+def placed(matrix: Tensor, root: Tensor, frames: Tensor) -> Tensor:
+    """(P, N, 3, M) points [m] that hang on the body: `Layout.hanging` or `weighing` (N, 3 S), the root (P, 3, M) middle
+    between the hips [m], and the frames (P, S, 3, 3, M)."""
+    hung = matrix @ frames.reshape(len(frames), matrix.shape[1], -1)
+    return root.unsqueeze(1) + hung.unflatten(2, (3, -1))
 
 
 def joint_places(layout: Layout, root: Tensor, frames: Tensor) -> Tensor:
     """(P, S, 3, M) of the joints that the segments turn about [m]; root: (P, 3, M) middle between the hips [m]."""
-    holders = frames[:, [max(parent, 0) for parent in PARENTS]]
-    arms = torch.einsum("pskim,sk->psim", holders, layout.offsets)
-    return root.unsqueeze(1) + torch.einsum("sj,pjim->psim", layout.above, arms)
+    return placed(layout.hanging, root, frames)
 
 
-def segment_centres(layout: Layout, joints: Tensor, frames: Tensor) -> Tensor:
+def segment_centres(layout: Layout, root: Tensor, frames: Tensor) -> Tensor:
     """(P, S, 3, M) centres of mass of the segments [m]."""
-    return joints + torch.einsum("pskim,sk->psim", frames, layout.centres)
+    return placed(layout.weighing, root, frames)

@@ -9,6 +9,7 @@ trunk above the waist is the abdomen.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -153,6 +154,47 @@ class Layout:
     def leg(self) -> float:
         """Length of thigh and shank [m]."""
         return self.thigh + self.shank
+
+    @cached_property
+    def sole(self) -> tuple[float, float, float]:
+        """Height of the ankle over the sole of a level foot, and how far ahead of it heel and ball are [m]."""
+        return -float(self.heel[1]), float(self.heel[2]), float(self.ball[2])
+
+    # Places are sums of axes of frames, each times a number of the body: with the 3 S axes below each other, (3 S, 3)
+    # in the world, all of them follow by one product.
+
+    @cached_property
+    def hanging(self) -> Tensor:
+        """(S, 3 S) from the axes of all segments to where their joints are, from the root [m]."""
+        held = self.offsets.new_zeros(COUNT, COUNT, 3)
+        for k, parent in enumerate(PARENTS):
+            if parent >= 0:
+                held[k, parent] = self.offsets[k]
+        return (self.above @ held.flatten(1)).contiguous()
+
+    @cached_property
+    def weighing(self) -> Tensor:
+        """(S, 3 S) the same to their centres of mass [m]."""
+        own = torch.diag_embed(torch.ones_like(self.masses)).unsqueeze(-1) * self.centres
+        return self.hanging + own.flatten(1)
+
+    @cached_property
+    def balance(self) -> Tensor:
+        """(1, 3 S) the same to the centre of mass of the body [m]."""
+        return (self.masses / self.masses.sum()).unsqueeze(0) @ self.weighing
+
+    @cached_property
+    def turning(self) -> Tensor:
+        """(3 S, 3 S) Q, symmetric: with the axes a_i, the angular momentum about the centre of mass of the body is
+        sum_ij Q_ij a_i x a_j' per body mass [m^2]."""
+        shares = self.masses / self.masses.sum()
+        arms = self.weighing - self.balance
+        return arms.T @ (shares.unsqueeze(-1) * arms) + torch.diag((self.spread / self.masses.sum()).flatten())
+
+    @cached_property
+    def balance_and_turning(self) -> Tensor:
+        """(1 + 3 S, 3 S) both, one above the other."""
+        return torch.cat((self.balance, self.turning))
 
 
 def _toe_tip(skeleton: Skeleton, side: str) -> Tensor:

@@ -9,12 +9,14 @@ import torch
 from torch import Tensor
 
 from hopdiff.character import Character
+from hopdiff.whole_body.anchor import Anchor
 from hopdiff.whole_body.gait import BodyGait
 from hopdiff.whole_body.layout import Layout
 from hopdiff.whole_body.movement import Body, Movement
 from hopdiff.whole_body.plan import LIMP, RUN, Plan
 
 FINAL_ROUNDS = 30  # of a movement that is written
+UNGUIDED = 3  # more rounds that a movement takes without an anchor
 
 
 @dataclass(frozen=True)
@@ -25,8 +27,8 @@ class BodyModel:
     """
 
     character: Character
-    rounds: int = 11
-    adjoint_rounds: int = 8
+    rounds: int = 8
+    adjoint_rounds: int = 5
     plan: Plan = RUN
     lame: str = "left"
     amount: float = 0.0
@@ -59,10 +61,19 @@ class BodyModel:
             torch.stack((share, 1.0 - share), dim=-1),
         )
 
-    def solved(self, genes: dict[str, Tensor], speed: Tensor, with_grad: bool) -> tuple[Movement, Body, Tensor]:
+    def anchor(self, genes: dict[str, Tensor], speed: Tensor) -> Anchor | None:
+        """What guides the solution of movements near that of genes (1,) at a speed (1,) [m/s]; None if it has none."""
+        return Anchor.of(lambda near: self.movement(near, speed.expand(len(near["step_time"]))), genes)
+
+    def solved(
+        self, genes: dict[str, Tensor], speed: Tensor, with_grad: bool, anchor: Anchor | None = None
+    ) -> tuple[Movement, Body, Tensor]:
         """Movement, body, and how far the last round of the solution still went (P,)."""
         movement = self.movement(genes, speed)
-        state, moved = movement.solve(self.rounds, self.adjoint_rounds if with_grad else 0)
+        rounds, adjoint = self.rounds, self.adjoint_rounds
+        if anchor is None:
+            rounds, adjoint = rounds + UNGUIDED, adjoint + UNGUIDED
+        state, moved = movement.solve(rounds, adjoint if with_grad else 0, anchor)
         return movement, movement.body(state), moved
 
     def gait(self, genes: dict[str, Tensor], speed: Tensor) -> BodyGait:

@@ -13,13 +13,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
+from hopdiff.numerics import constant
 from hopdiff.whole_body.fixed_point import fixed_point
 from hopdiff.whole_body.grid import Grid
-from hopdiff.whole_body.kinematics import Angles, all_frames, joint_places, segment_centres, trunk_frames
+from hopdiff.whole_body.kinematics import Angles, all_frames, arm_frames, joint_places, segment_centres, trunk_frames
 from hopdiff.whole_body.layout import CHEST, PELVIS, THIGHS, UPPER_BODY, WAIST, Layout
 from hopdiff.whole_body.leg_poses import Legs
 from hopdiff.whole_body.plan import Plan
@@ -33,18 +37,39 @@ STEEPEST, FLATTEST = math.radians(-88.0), math.radians(5.0)  # pitch of the foot
 class Body:
     """Everything about P candidates on the period's nodes (M).
 
-    frames: (P, S, 3, 3, M). joints, centres: (P, S, 3, M) [m]. root: (P, 3, M) middle between the hips [m].
-    reach: a contact (P, K) from hip to ankle in leg lengths. carried: forces and the centre of mass.
+    root: (P, 3, M) middle between the hips [m]. frames: (P, S, 3, 3, M). reach: a contact (P, K) from hip to ankle in
+    leg lengths. slack: see `Legs.angles`. carried: forces and the centre of mass.
     """
 
+    layout: Layout
     angles: Angles
     root: Tensor
     frames: Tensor
-    joints: Tensor
-    centres: Tensor
     reach: list[Tensor]
     slack: Tensor
     carried: Carried
+
+    @cached_property
+    def joints(self) -> Tensor:
+        """(P, S, 3, M) [m]."""
+        return joint_places(self.layout, self.root, self.frames)
+
+    @cached_property
+    def centres(self) -> Tensor:
+        """(P, S, 3, M) centres of mass of the segments [m]."""
+        return segment_centres(self.layout, self.root, self.frames)
+
+
+class Guide(Protocol):
+    """What is known of a movement of similar genes, see `hopdiff.whole_body.anchor`."""
+
+    @property
+    def told(self) -> Tensor: ...
+
+    @property
+    def answer(self) -> Tensor: ...
+
+    def guess(self, genes: dict[str, Tensor]) -> Tensor: ...
 
 
 class Movement:
@@ -63,6 +88,7 @@ class Movement:
         self.grid = Grid(plan.nodes, durations)
         self.support = Support(layout, plan, self.grid, genes, speed, shares)
         self.shares = layout.masses / layout.masses.sum()
+        self._masses = layout.balance_and_turning
         self.spread = layout.spread / layout.masses.sum()
         self.legs = Legs(self.support)
         turn = (math.pi if plan.mirrored else 2.0 * math.pi) * self.grid.times / self.grid.total.unsqueeze(-1)
@@ -74,6 +100,9 @@ class Movement:
         for name in ("shoulder", "elbow"):
             wave, mean = self._wave(name), genes[f"{name}_mean"].unsqueeze(-1)
             self.arms.append(torch.stack((mean + wave, mean + wave if together else mean - wave), dim=1))
+        self._still = torch.zeros_like(self.arms[0])
+        upright = torch.stack([self._still[:, 0]] * 3, dim=1)
+        self.arm_frames = arm_frames(self._angles(upright, upright))
 
     def _wave(self, name: str) -> Tensor:
         """(P, M) once a stride."""
@@ -118,78 +147,70 @@ class Movement:
         root, chest = channels[:, :3], channels[:, 3:]
         tilt = genes["pelvis_tilt"].unsqueeze(-1) + PELVIS_FOLLOWS * (chest[:, 0] - genes["trunk_lean"].unsqueeze(-1))
         pelvis = torch.stack((tilt, self.pelvis_roll, self.pelvis_yaw), dim=1)
-        none = torch.zeros_like(self.arms[0])
-        angles = Angles(
-            pelvis,
-            0.5 * (pelvis + chest),
-            chest,
-            torch.zeros_like(chest),
-            none,
-            none,
-            none,
-            none,
-            self.arms[0],
-            self.arms[1],
-            genes["arm_abduction"],
-            genes["arm_inward"],
-        )
+        angles = self._angles(pelvis, chest)
         trunk = trunk_frames(angles)
         hips = root.unsqueeze(1) + torch.einsum("pkim,sk->psim", trunk[:, PELVIS], self.layout.offsets[THIGHS])
         legs, reach, slack = self.legs.angles(hips, carried)
-        thigh, knee, foot, turn = legs.unbind(2)
+        thigh, knee, foot, turn = legs.unbind(1)
         angles = angles._replace(thigh=thigh, knee=knee, foot=foot, tilt=turn)
-        frames = all_frames(angles, trunk)
-        joints = joint_places(self.layout, root, frames)
-        centres = segment_centres(self.layout, joints, frames)
-        return Body(angles, root, frames, joints, centres, reach, slack, carried)
+        frames = all_frames(angles, trunk, self.arm_frames)
+        return Body(self.layout, angles, root, frames, reach, slack, carried)
+
+    def _angles(self, pelvis: Tensor, chest: Tensor) -> Angles:
+        """Angles of a trunk and of the arms, with legs that hang."""
+        still, genes = self._still, self.genes
+        waist, head = 0.5 * (pelvis + chest), torch.zeros_like(chest)
+        arms = (*self.arms, genes["arm_abduction"], genes["arm_inward"])
+        return Angles(pelvis, waist, chest, head, still, still, still, still, *arms)
 
     # -- one round --
 
     def momentum(self, body: Body) -> Tensor:
-        """(P, 3, M) angular momentum about the centre of mass that the force asks for, per body mass [m^2/s]."""
-        arms = body.centres - body.carried.com.unsqueeze(1)
-        moving = torch.linalg.cross(arms, self.grid.derivative(arms), dim=2)
-        turning = torch.linalg.cross(body.frames, self.grid.derivative(body.frames), dim=3)
-        linear = torch.einsum("s,psim->pim", self.shares, moving)
-        return linear + torch.einsum("sk,pskim->pim", self.spread, turning)
+        """(P, 3, M) angular momentum about the body's centre of mass, per body mass [m^2/s]."""
+        return self._weighed(body.frames)[1]
+
+    def _weighed(self, frames: Tensor) -> tuple[Tensor, Tensor]:
+        """Centre of mass from the root (P, 3, M) [m] and angular momentum about it (P, 3, M) of a body's frames."""
+        axes = frames.flatten(1, 2)
+        found = (self._masses @ axes.flatten(2)).unflatten(2, (3, -1))
+        turning = self.grid.derivative(found[:, 1:])
+        return found[:, 0], torch.linalg.cross(axes, turning, dim=2).sum(1)
 
     def round(self, state: Tensor, inverse: Tensor) -> Tensor:
-        """The next state. inverse: (P, M, 3, 3) rates of the chest a unit of momentum, see `inverse_inertia`."""
+        """The next state. inverse: (P or 1, M, 3, 3) rates of the chest a unit of momentum, see `inverse_inertia`."""
         channels, _, height, takeoff = self.unpack(state)
         body = self.body(state)
         grid, carried = self.grid, body.carried
-        centre = torch.einsum("s,psim->pim", self.shares, body.centres)
-        root = body.root + carried.com - centre
-        wanted = grid.integral(carried.moment())
-        off = wanted - self.momentum(body)
+        centre, momentum = self._weighed(body.frames)
+        lower = body.slack[:, :, 0].mean(-1)
+        # Hips follow at once; a round later they would still be seen where they were, and the height overshoots.
+        down = lower[:, None, None] * constant((0.0, 1.0, 0.0), lower.dtype, lower.device)[:, None]
+        root = carried.com - centre - down
+        off = grid.integral(carried.moment()) - momentum
         rates = grid.derivative(channels[:, 3:])
+        turned = inverse.permute(0, 2, 3, 1)  # (P or 1, 3, 3, M)
         if self.plan.mirrored:
             # Yaw and roll turn round in the mirror image; pitch has to come back by itself.
-            half = torch.cat((torch.zeros_like(wanted[:, :1, -1:]), 0.5 * wanted[:, 1:, -1:]), dim=1)
-            off = off - half
-            asked = rates[:, 0] + (inverse[:, :, 0] * off.transpose(1, 2)).sum(-1)
-            first = -grid.total_of(asked) / grid.total_of(inverse[:, :, 0, 0])
-            off = torch.cat((off[:, :1] + first[:, None, None], off[:, 1:]), dim=1)
-            rates = rates + (inverse @ off.transpose(1, 2).unsqueeze(-1)).squeeze(-1).transpose(1, 2)
-            chest = grid.integral(rates)
-            pitch, others = chest[:, :1], chest[:, 1:]
-            others = others - 0.5 * (others[..., :1] + others[..., -1:])
+            both = constant((0.0, 0.5, 0.5), off.dtype, off.device)[:, None]
+            gained = grid.total_of(carried.moment()).unsqueeze(-1)
+            off = off - both * gained
+            asked = rates[:, 0] + (turned[:, 0] * off).sum(1)
+            first = -grid.total_of(asked) / grid.total_of(turned[:, 0, 0].expand_as(asked))
+            pitch_only = constant((1.0, 0.0, 0.0), off.dtype, off.device)[:, None]
+            off = off + first[:, None, None] * pitch_only
         else:
-            asked = grid.total_of(rates + (inverse @ off.transpose(1, 2).unsqueeze(-1)).squeeze(-1).transpose(1, 2))
-            summed = grid.total_of(inverse.permute(0, 2, 3, 1))
-            off = off - torch.linalg.solve(summed, asked).unsqueeze(-1)
-            rates = rates + (inverse @ off.transpose(1, 2).unsqueeze(-1)).squeeze(-1).transpose(1, 2)
-            chest = grid.integral(rates)
-            pitch, others = chest[:, :1], chest[:, 1:]
-            others = others - grid.mean_of(others).unsqueeze(-1)
-        pitch = pitch - grid.mean_of(pitch).unsqueeze(-1) + self.genes["trunk_lean"][:, None, None]
-        lower = body.slack[:, :, 0].mean(-1)
-        height = height - lower
-        # Hips follow at once; a round later they would still be seen where they were, and the height overshoots.
-        root = root - lower[:, None, None] * root.new_tensor((0.0, 1.0, 0.0))[:, None]
+            asked = grid.total_of(rates + (turned * off.unsqueeze(1)).sum(2))
+            summed = grid.total_of(turned.expand(len(off), -1, -1, -1))
+            off = off - torch.linalg.solve_ex(summed, asked.unsqueeze(-1))[0]
+        chest = grid.integral(rates + (turned * off.unsqueeze(1)).sum(2))
+        mean = grid.mean_of(chest)
+        if self.plan.mirrored:
+            mean = torch.cat((mean[:, :1], 0.5 * (chest[:, 1:, 0] + chest[:, 1:, -1])), dim=1)
+        lean = functional.pad(self.genes["trunk_lean"].unsqueeze(-1), (0, 2))
+        chest = chest + (lean - mean).unsqueeze(-1)
         takeoff = (takeoff - body.slack[:, :, 1]).clamp(STEEPEST, FLATTEST)
-        found = torch.cat((root, pitch, others), dim=1)
-        return torch.cat((found.flatten(1), carried.forward, height.unsqueeze(-1), takeoff), dim=-1)
+        parts = (root.flatten(1), chest.flatten(1), carried.forward, (height - lower).unsqueeze(-1), takeoff)
+        return torch.cat(parts, dim=-1)
 
     def inverse_inertia(self, state: Tensor) -> Tensor:
         """(P, M, 3, 3) rates of the chest (pitch, roll, yaw) that a unit of momentum (x, y, z) makes [1/m^2]."""
@@ -230,9 +251,13 @@ class Movement:
             found: Tensor = torch.linalg.inv(torch.stack(columns, dim=-1).permute(0, 2, 1, 3))
             return found
 
-    def solve(self, rounds: int, adjoint_rounds: int = 0) -> tuple[Tensor, Tensor]:
+    def solve(self, rounds: int, adjoint_rounds: int = 0, guide: Guide | None = None) -> tuple[Tensor, Tensor]:
         """The state (P, K) after `rounds` rounds, and how far its last round moved it (P,).
 
-        With adjoint_rounds the state carries the gradient of the fixed point.
+        With adjoint_rounds the state carries the gradient of the fixed point. guide: what makes them fewer.
         """
-        return fixed_point(self.start(), self.round, self.inverse_inertia, rounds, adjoint_rounds)
+        if guide is None:
+            return fixed_point(self.start(), self.round, self.inverse_inertia, rounds, adjoint_rounds)
+        with torch.no_grad():
+            start = guide.guess(self.genes)
+        return fixed_point(start, self.round, lambda _: guide.told, rounds, adjoint_rounds, guide.answer)

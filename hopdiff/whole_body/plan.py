@@ -7,12 +7,14 @@ of the mirror image. A contact may last into the mirror image, as in walking. Ot
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
 
-STANCE, FLIGHT = 24, 14  # Chebyshev nodes
+STANCE, FLIGHT = 33, 19  # Chebyshev nodes, odd: the middle of a contact is one of them
+FINER = 2  # nodes for integrals of what is not smooth, for one of these
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,11 @@ class Plan:
     nodes: tuple[int, ...]
     contacts: tuple[Contact, ...]
     mirrored: bool
+
+    @cached_property
+    def finer(self) -> Plan:
+        """The same on the nodes of `Grid.fine`."""
+        return replace(self, nodes=tuple(FINER * n for n in self.nodes))
 
     @property
     def count(self) -> int:

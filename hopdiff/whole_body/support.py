@@ -8,14 +8,17 @@ over the period; sideways it points at the centre of mass in mid-contact.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from hopdiff.motion import SIDES
-from hopdiff.numerics import GRAVITY
-from hopdiff.whole_body.foot import pitch_course, sole
+from hopdiff.numerics import GRAVITY, constant, solve_small
+from hopdiff.whole_body.foot import pitch_shapes, sole
 from hopdiff.whole_body.grid import Grid
 from hopdiff.whole_body.layout import Layout
 from hopdiff.whole_body.plan import Contact, Plan
@@ -76,25 +79,102 @@ def vertical_force(phase: Tensor, impulse: Tensor, contact_time: Tensor, shape: 
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """The way of the centre of mass and what pushes it, on the period's nodes (M), both feet's (2) apart.
+    """The way of the centre of mass and what pushes it: on the period's nodes (M), both feet's (2) apart, and a contact
+    on its own nodes (K), as its own limb sees it.
 
-    com: (P, 3, M) [m]. force: (P, 2, 3, M) [m/s^2]. cop: (P, 2, 3, M) centre of pressure [m]. ankles: a contact
-    (P, 3, K) as its own limb sees it [m]. pitches: a contact (P, K) of the foot [rad]. forward: (P, M) the way ahead
-    that the force just found makes, to be put in again [m].
+    com: (P, 3, M) [m]. forces: a contact (P, 3, K) [m/s^2]. cops: a contact (P, 3, K) centre of pressure [m]. ankles:
+    a contact (P, 3, K) [m]. pitches: a contact (P, K) of the foot [rad]. forward: (P, M) the way ahead that the force
+    just found makes, to be put in again [m].
     """
 
+    support: Support
     com: Tensor
-    force: Tensor
-    cop: Tensor
+    forces: list[Tensor]
+    cops: list[Tensor]
     ankles: list[Tensor]
     pitches: list[Tensor]
     forward: Tensor
 
+    @cached_property
+    def force(self) -> Tensor:
+        """(P, 2, 3, M) [m/s^2]."""
+        return self.support.onto_vectors(self.forces)
+
+    @cached_property
+    def cop(self) -> Tensor:
+        """(P, 2, 3, M) centre of pressure [m]; 0 where a foot is in the air."""
+        return self.support.onto_vectors(self.cops)
+
     def moment(self) -> Tensor:
         """(P, 3, M) of the ground force about the centre of mass [m^2/s^2]."""
-        arms = self.cop - self.com.unsqueeze(1)
-        found: Tensor = torch.linalg.cross(arms, self.force, dim=2).sum(1)
+        support, found = self.support, None
+        for k, (force, cop) in enumerate(zip(self.forces, self.cops, strict=True)):
+            places = support.pieces[k]
+            seen = places.seen(self.com)
+            arm = cop - (seen * places.flip if places.mirrored else seen)
+            turning = torch.linalg.cross(arm, force, dim=1)
+            here = (turning * places.axial if places.mirrored else turning) @ places.both
+            found = here if found is None else found + here
+        assert found is not None
         return found
+
+
+class Places:
+    """Where the K nodes of a contact or a swing lie among the M nodes of the period and its two sides.
+
+    index: (K,) node of the period. sides: its K sides, 0 left, 1 right; number: the same (K,). whole: the slice of the period, where it is one that
+    is not mirrored. steps: (K,) 1 at nodes of the mirror image, which is a step ahead. flip, axial: (3, K) signs that
+    vectors and moments change by in the mirror image. onto: (K, 2 M) to the period, left side first; both: (K, M) to
+    the sum of the sides.
+    """
+
+    def __init__(self, plan: Plan, found: list[Piece], like: Tensor) -> None:
+        size = sum(plan.nodes)
+        index = [node for piece in found for node in range(piece.period.start, piece.period.stop)]
+        sides = [piece.side for piece in found for _ in range(piece.own.start, piece.own.stop)]
+        mirrored = [piece.mirrored for piece in found for _ in range(piece.own.start, piece.own.stop)]
+        self.pieces, self.mirrored = found, any(mirrored)
+        self.whole = found[0].period if len(found) == 1 and not self.mirrored else None
+        # Node of the period in the middle, and the sign that x has there.
+        self.middle = index[len(index) // 2], -1.0 if mirrored[len(index) // 2] else 1.0
+        self.sides, self.number = sides, torch.tensor(sides, device=like.device)
+        self.index = torch.tensor(index, device=like.device)
+        self.steps = like.new_tensor([float(m) for m in mirrored])
+        sign = 1.0 - 2.0 * self.steps
+        one = torch.ones_like(sign)
+        self.flip, self.axial = torch.stack((sign, one, one)), torch.stack((one, sign, sign))
+        self.onto = like.new_zeros(len(index), 2 * size)
+        self.onto[range(len(index)), [side * size + node for side, node in zip(sides, index, strict=True)]] = 1.0
+        self.both = self.onto[:, :size] + self.onto[:, size:]
+
+    def __iter__(self) -> Iterator[Piece]:
+        return iter(self.pieces)
+
+    def seen(self, values: Tensor) -> Tensor:
+        """Values (..., M) of the period at these nodes (..., K)."""
+        return values[..., self.whole] if self.whole is not None else values.index_select(-1, self.index)
+
+    def of_both(self, values: Tensor) -> Tensor:
+        """Of values (P, 2, M) of both sides those of the limb at these nodes (P, K)."""
+        return values.flatten(1).index_select(-1, self.index + values.shape[-1] * self.number)
+
+
+@lru_cache(maxsize=64)
+def places_of(plan: Plan, limb: str, phases: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> Places:
+    """The places of the phases of a limb, counted on through the mirror image."""
+    return Places(plan, pieces(plan, limb, phases), torch.empty(0, dtype=dtype, device=device))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rolling:
+    """What a contact's foot does that its end does not change, (P, K) each: pitch at a take-off of 0 and its rate; what
+    a radian of the take-off's pitch adds; how the aim sways [m]."""
+
+    down: Tensor
+    down_rate: Tensor
+    climb: Tensor
+    climb_rate: Tensor
+    sway: Tensor
 
 
 class Support:
@@ -114,7 +194,7 @@ class Support:
         self.way = speed * period
         shape = torch.stack([genes[f"force_{k}"] for k in range(2, TERMS + 1)], dim=-1)
         self.footings: list[Footing] = []
-        self.pieces: list[list[Piece]] = []
+        self.pieces: list[Places] = []
         count = len(plan.contacts)
         shares = speed.new_full((len(speed), count), 1.0 / count) if shares is None else shares
         middles = []
@@ -126,96 +206,87 @@ class Support:
             side = 1.0 if contact.limb == "left" else -1.0
             middles.append(grid.durations[:, : contact.phases[0]].sum(-1) + 0.5 * own.total)
             self.footings.append(Footing(contact, own, phase, lift, side, speed * (middles[k] - middles[0])))
-            self.pieces.append(pieces(plan, contact.limb, contact.phases))
-        lift = self.onto([footing.lift for footing in self.footings]).sum(1)
-        rate = grid.integral(lift - GRAVITY)
+            self.pieces.append(places_of(plan, contact.limb, contact.phases, speed.dtype, speed.device))
+        self.lift = self.onto([footing.lift for footing in self.footings]).sum(1)
+        rate = grid.integral(self.lift - GRAVITY)
         rise = grid.integral(rate)
         start = -rise[:, -1:] / period.unsqueeze(-1)
         self.rise = start * grid.times + rise  # height above that at the start of the period
         self.half_width = 0.5 * genes["step_width"]
+        self.above = 1.0 - genes["aim_below"].unsqueeze(-1)
+        self.gone = [places.steps * self.way.unsqueeze(-1) if places.mirrored else None for places in self.pieces]
+        self.rolling = [self._rolling(footing) for footing in self.footings]
+        self._aside = self._unit_aside()
+
+    def _rolling(self, footing: Footing) -> _Rolling:
+        genes, phase = self.genes, footing.phase
+        fall, climb = pitch_shapes(phase, genes["foot_settle"], genes["foot_slap"], genes["foot_rise"])
+        down = genes["foot_touchdown"].unsqueeze(-1) * fall
+        sway = genes["aim_sway"].unsqueeze(-1) * torch.sin(2.0 * math.pi * phase)
+        return _Rolling(down, footing.grid.derivative(down), climb, footing.grid.derivative(climb), sway)
 
     def onto(self, values: list[Tensor]) -> Tensor:
         """Values a contact (P, K) on the nodes of the period (P, 2, M), by side; 0 where a foot is in the air."""
-        first = values[0]
-        found = first.new_zeros(first.shape[0], 2, self.grid.size)
-        for value, places in zip(values, self.pieces, strict=True):
-            for piece in places:
-                found[:, piece.side, piece.period] = value[:, piece.own]
-        return found
+        parts = [value @ places.onto for value, places in zip(values, self.pieces, strict=True)]
+        found: Tensor = parts[0] if len(parts) == 1 else torch.stack(parts).sum(0)
+        return found.unflatten(-1, (2, -1))
 
     def onto_vectors(self, values: list[Tensor]) -> Tensor:
         """Vectors a contact (P, 3, K), as their limb sees them, on the period's nodes (P, 2, 3, M), by side."""
-        found = values[0].new_zeros(values[0].shape[0], 2, 3, self.grid.size)
-        flip = values[0].new_tensor((-1.0, 1.0, 1.0))[:, None]
-        for value, places in zip(values, self.pieces, strict=True):
-            for piece in places:
-                own = value[:, :, piece.own]
-                found[:, piece.side, :, piece.period] = own * flip if piece.mirrored else own
-        return found
+        flipped = [v * p.flip if p.mirrored else v for v, p in zip(values, self.pieces, strict=True)]
+        return self.onto(flipped).transpose(1, 2)
 
     def seen(self, values: Tensor, which: int) -> Tensor:
         """Values (P, M) of the period at the nodes of a contact (P, K)."""
-        return torch.cat([values[:, piece.period] for piece in self.pieces[which]], dim=-1)
-
-    def steps_gone(self, which: int) -> Tensor:
-        """(K,) 1 at the nodes of a contact that belong to the mirror image, which is a step ahead."""
-        parts = [
-            self.grid.times.new_full((piece.own.stop - piece.own.start,), float(piece.mirrored))
-            for piece in self.pieces[which]
-        ]
-        return torch.cat(parts)
+        return self.pieces[which].seen(values)
 
     def carry(self, forward: Tensor, height: Tensor, takeoff: Tensor) -> Carried:
         """The forces for a way ahead (P, M) and a height at the start (P,) of the centre of mass [m].
 
         takeoff: (P, C) pitch of the foot at each contact's end [rad].
         """
-        genes, grid = self.genes, self.grid
+        grid = self.grid
         y = height.unsqueeze(-1) + self.rise
         side_forces, x = self._sideways(y)
-        above = 1.0 - genes["aim_below"].unsqueeze(-1)
         stands, pitches = [], []
-        for k, footing in enumerate(self.footings):
-            pitch = pitch_course(
-                footing.phase,
-                genes["foot_touchdown"],
-                takeoff[:, k],
-                genes["foot_settle"],
-                genes["foot_slap"],
-                genes["foot_rise"],
-            )
+        for k, (footing, rolling) in enumerate(zip(self.footings, self.rolling, strict=True)):
+            end = takeoff[:, k : k + 1]
+            pitch = rolling.down + end * rolling.climb
             standing = sole(self.layout, pitch)
-            rolled = footing.base.unsqueeze(-1) - footing.grid.integral(
-                standing.height * footing.grid.derivative(pitch)
-            )
-            stands.append((standing, rolled, self.steps_gone(k) * self.way.unsqueeze(-1)))
+            rolled = -footing.grid.integral(standing.height * (rolling.down_rate + end * rolling.climb_rate))
+            gone = self.gone[k]
+            if k > 0:
+                rolled = rolled + footing.base.unsqueeze(-1)
+            stands.append((standing, rolled if gone is None else rolled - gone))
             pitches.append(pitch)
         # The push ahead is lift / height times how far the force aims from the contact point: an affine function of
         # where the first foot stands and of what is aimed aside, which have to leave nothing over the period.
-        pushes, aheads = [], []
-        for k, (footing, (standing, rolled, gone)) in enumerate(zip(self.footings, stands, strict=True)):
-            pull = footing.lift / self.seen(y, k)
-            ahead = self.seen(forward, k) + gone - rolled - standing.ahead
-            wave = genes["aim_sway"].unsqueeze(-1) * torch.sin(2.0 * math.pi * footing.phase)
+        pushes, aheads, heights = [], [], []
+        for k, (footing, (standing, rolled)) in enumerate(zip(self.footings, stands, strict=True)):
+            up = self.seen(y, k)
+            pull = footing.lift / up
+            ahead = self.seen(forward, k) - rolled - standing.ahead
             own = [-pull if not self.plan.alternate or j == k else torch.zeros_like(pull) for j in range(self.asides)]
-            pushes.append(torch.stack((pull * (above * ahead - wave), -pull * above, *own), dim=1))
+            aimed = pull * (self.above * ahead - self.rolling[k].sway)
+            pushes.append(torch.stack((aimed, -pull * self.above, *own), dim=1))
             aheads.append(ahead)
-        place, answer = self._balanced(pushes, aheads, side_forces, x, y)
-        horizontal = [(push * answer.unsqueeze(-1)).sum(1) for push in pushes]
-        cops, ankles = [], []
-        for footing, (standing, rolled, gone) in zip(self.footings, stands, strict=True):
-            ankle = place.unsqueeze(-1) + rolled - gone
-            left = footing.side * self.half_width.unsqueeze(-1).expand_as(ankle)
+            heights.append(up)
+        place, answer = self._balanced(pushes, aheads, heights, side_forces, x)
+        cops, ankles, forces, horizontal = [], [], [], []
+        for footing, (standing, rolled), push, aside in zip(self.footings, stands, pushes, side_forces, strict=True):
+            ankle = place.unsqueeze(-1) + rolled
+            left = (footing.side * self.half_width).unsqueeze(-1).expand_as(ankle)
+            ahead = (push * answer.unsqueeze(-1)).sum(1)
             cops.append(torch.stack((left, torch.zeros_like(ankle), ankle + standing.ahead), dim=1))
             ankles.append(torch.stack((left, standing.height, ankle), dim=1))
-        push = self.onto(horizontal).sum(1)
-        gained = grid.integral(grid.integral(push))
+            forces.append(torch.stack((aside, footing.lift, ahead), dim=1))
+            horizontal.append(ahead)
+        pushed = [value @ places.both for value, places in zip(horizontal, self.pieces, strict=True)]
+        gained = grid.integral(grid.integral(pushed[0] if len(pushed) == 1 else torch.stack(pushed).sum(0)))
         start = self.speed.unsqueeze(-1) - gained[:, -1:] / grid.total.unsqueeze(-1)
         new_forward = start * grid.times + gained
-        parts = zip(side_forces, self.footings, horizontal, strict=True)
-        force = self.onto_vectors([torch.stack((s, footing.lift, h), dim=1) for s, footing, h in parts])
         com = torch.stack((x, y, new_forward), dim=1)
-        return Carried(com, force, self.onto_vectors(cops), ankles, pitches, new_forward)
+        return Carried(self, com, forces, cops, ankles, pitches, new_forward)
 
     @property
     def asides(self) -> int:
@@ -223,33 +294,41 @@ class Support:
         return len(self.footings) if self.plan.alternate else 1
 
     def _balanced(
-        self, pushes: list[Tensor], aheads: list[Tensor], side_forces: list[Tensor], x: Tensor, y: Tensor
+        self,
+        pushes: list[Tensor],
+        aheads: list[Tensor],
+        heights: list[Tensor],
+        side_forces: list[Tensor],
+        x: Tensor,
     ) -> tuple[Tensor, Tensor]:
         """Where the first foot stands (P,) [m], and the weights (P, 2 + A) of pushes (P, 2 + A, K) with 1 in front.
 
         Over the period neither speed nor pitch is gained; of legs that stand one after the other nor is yaw.
         """
         conditions: list[Tensor] = []
-        for k, (footing, push, ahead) in enumerate(zip(self.footings, pushes, aheads, strict=True)):
-            up = self.seen(y, k).unsqueeze(1)
-            lever = torch.zeros_like(push)
-            lever[:, 0], lever[:, 1] = ahead, -1.0  # centre of mass ahead of the contact point
-            rows = [push, footing.lift.unsqueeze(1) * lever - up * push]
+        for k, (footing, push, ahead, up) in enumerate(zip(self.footings, pushes, aheads, heights, strict=True)):
+            weights = footing.grid.weights
+            pressed = footing.lift * weights
+            across, turned = [-up * weights], [pressed]
             if self.plan.alternate:
-                across = (footing.side * self.half_width.unsqueeze(-1) - self.seen(x, k)).unsqueeze(1)
-                rows.append(-lever * side_forces[k].unsqueeze(1) - across * push)
-            conditions.append(footing.grid.total_of(torch.stack(rows, dim=1)))
-        total = torch.stack(conditions).sum(0)
-        found = torch.linalg.solve(total[:, :, 1:], -total[:, :, 0])
+                across.append((self.seen(x, k) - (footing.side * self.half_width).unsqueeze(-1)) * weights)
+                turned.append(-side_forces[k] * weights)
+            found = push @ torch.stack((weights, *across), dim=-1)
+            # Centre of mass ahead of the contact point, and what a foot that stands further ahead takes from it.
+            lever = torch.stack((ahead, -torch.ones_like(ahead)), dim=1) @ torch.stack(turned, dim=-1)
+            conditions.append(
+                torch.cat((found[:, :, :1], found[:, :, 1:] + functional.pad(lever, (0, 0, 0, self.asides))), -1)
+            )
+        total = conditions[0] if len(conditions) == 1 else torch.stack(conditions).sum(0)
+        found = solve_small(total[:, 1:].transpose(1, 2), -total[:, 0])
         return found[:, 0], torch.cat((torch.ones_like(found[:, :1]), found), dim=-1)
 
-    def _sideways(self, y: Tensor) -> tuple[list[Tensor], Tensor]:
-        """Sideways force a contact (P, K) as its limb sees it [m/s^2], and place (P, M) of the centre of mass [m]."""
+    def _unit_aside(self) -> tuple[list[Tensor], Tensor]:
+        """Sideways forces a contact (P, K), all alike in the first one's lift, and the way (P, M) that they make."""
         grid = self.grid
         if not (self.plan.mirrored or self.plan.alternate):
             # Equal feet that stand together push against each other: nothing is left.
-            return [torch.zeros_like(footing.lift) for footing in self.footings], torch.zeros_like(y)
-        footing = self.footings[0]
+            return [torch.zeros_like(footing.lift) for footing in self.footings], torch.zeros_like(grid.times)
         impulses = [one.grid.total_of(one.lift) for one in self.footings]
         units = [
             -one.side * (impulses[0] / own).unsqueeze(-1) * one.lift
@@ -258,23 +337,31 @@ class Support:
         unit = self._left(self.onto(units))
         rate = grid.integral(unit)
         gone = grid.integral(rate)
-        middle = footing.lift.shape[-1] // 2
-        high = self.seen(y, 0)[:, middle]
         if self.plan.mirrored:
             start = -0.5 * rate[:, -1:]
-            x = -0.5 * (start * grid.total.unsqueeze(-1) + gone[:, -1:]) + start * grid.times + gone
-            share = self.half_width / (high + self._own(x)[:, middle])
-            return [share.unsqueeze(-1) * units[0]], share.unsqueeze(-1) * x
+            return units, -0.5 * (start * grid.total.unsqueeze(-1) + gone[:, -1:]) + start * grid.times + gone
         x = gone - gone[:, -1:] * grid.times / grid.total.unsqueeze(-1)
-        x = x - grid.mean_of(x).unsqueeze(-1)
+        return units, x - grid.mean_of(x).unsqueeze(-1)
+
+    def _sideways(self, y: Tensor) -> tuple[list[Tensor], Tensor]:
+        """Sideways force a contact (P, K) as its limb sees it [m/s^2], and place (P, M) of the centre of mass [m]."""
+        units, x = self._aside
+        if not (self.plan.mirrored or self.plan.alternate):
+            return units, x
+        places = self.pieces[0]
+        node, sign = places.middle
+        high = y[:, node]
+        if self.plan.mirrored:
+            share = (self.half_width / (high + sign * x[:, node])).unsqueeze(-1)
+            return [share * units[0]], share * x
         # The force of the first contact points at the centre of mass half-way, and nothing is gained in roll.
-        lift = self.onto([one.lift for one in self.footings]).sum(1)
+        grid = self.grid
+        unit = self._left(self.onto(units))
+        impulses = [one.grid.total_of(one.lift) for one in self.footings]
         apart = self.half_width * (impulses[0] - impulses[1])
-        rolling = torch.stack((grid.total_of(y * unit - x * lift), -grid.total_of(lift)), dim=-1)
-        aiming = torch.stack((high + x[:, middle], torch.ones_like(high)), dim=-1)
-        answer = torch.linalg.solve(
-            torch.stack((aiming, rolling), dim=1), torch.stack((self.half_width, -apart), dim=-1)
-        )
+        rolling = torch.stack((grid.total_of(y * unit - x * self.lift), -grid.total_of(self.lift)), dim=-1)
+        aiming = torch.stack((high + x[:, node], torch.ones_like(high)), dim=-1)
+        answer = solve_small(torch.stack((aiming, rolling), dim=1), torch.stack((self.half_width, -apart), dim=-1))
         share = answer[:, :1]
         return [share * own for own in units], share * x + answer[:, 1:]
 
@@ -283,7 +370,3 @@ class Support:
         if not self.plan.mirrored:
             return forces.sum(1)
         return forces[:, 0] - forces[:, 1]
-
-    def _own(self, x: Tensor) -> Tensor:
-        """A sideways place (P, M) as the first contact's limb sees it (P, K)."""
-        return torch.cat([-x[:, p.period] if p.mirrored else x[:, p.period] for p in self.pieces[0]], dim=-1)

@@ -31,8 +31,9 @@ def standing(**bent: tuple[float, float]) -> tuple[Movement, Body]:
     pairs = {name: torch.tensor([pair], dtype=DTYPE)[..., None].expand(1, 2, count) for name, pair in bent.items()}
     angles = plain._replace(**pairs)
     frames = all_frames(angles, trunk_frames(angles))
-    joints = joint_places(layout, torch.zeros(1, 3, count, dtype=DTYPE), frames)
-    centres = segment_centres(layout, joints, frames)
+    root = torch.zeros(1, 3, count, dtype=DTYPE)
+    joints = joint_places(layout, root, frames)
+    centres = segment_centres(layout, root, frames)
     com = torch.einsum("s,psim->pim", movement.shares, centres)
     force = torch.zeros(1, 2, 3, count, dtype=DTYPE)
     force[:, 0, 1] = GRAVITY

@@ -70,7 +70,7 @@ def test_places_are_those_of_the_skeleton(name: str) -> None:
         joint = layout.skeleton.index(JOINT_OF[segment])
         torch.testing.assert_close(joints[:, k].transpose(1, 2), places[:, :, joint], rtol=0.0, atol=1e-13)
         torch.testing.assert_close(turns[:, k], attitudes[:, :, joint], rtol=0.0, atol=1e-13)
-    centres = segment_centres(layout, joints, frames)
+    centres = segment_centres(layout, root, frames)
     wanted = joints + (turns @ layout.centres[:, None, :, None])[..., 0].transpose(2, 3)
     torch.testing.assert_close(centres, wanted, rtol=0.0, atol=1e-13)
 
@@ -84,7 +84,7 @@ def still(**changed: Tensor) -> Angles:
 def places(angles: Angles) -> dict[str, list[float]]:
     layout = layout_of()
     frames = all_frames(angles, trunk_frames(angles))
-    centres = segment_centres(layout, joint_places(layout, torch.zeros(1, 3, 1, dtype=DTYPE), frames), frames)
+    centres = segment_centres(layout, torch.zeros(1, 3, 1, dtype=DTYPE), frames)
     return {name: centres[0, k, :, 0].tolist() for k, name in enumerate(SEGMENTS)}
 
 

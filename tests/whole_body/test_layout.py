@@ -24,8 +24,9 @@ SIDES = ("left", "right")
 def standing(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
     """Joints and centres of mass (S, 3) of a body that stands straight, from the root."""
     frames = torch.eye(3, dtype=DTYPE).expand(1, COUNT, 3, 3).unsqueeze(-1)
-    joints = joint_places(layout, torch.zeros(1, 3, 1, dtype=DTYPE), frames)
-    return joints[0, :, :, 0].numpy(), segment_centres(layout, joints, frames)[0, :, :, 0].numpy()
+    root = torch.zeros(1, 3, 1, dtype=DTYPE)
+    joints = joint_places(layout, root, frames)
+    return joints[0, :, :, 0].numpy(), segment_centres(layout, root, frames)[0, :, :, 0].numpy()
 
 
 def whole(masses: np.ndarray, centres: np.ndarray, moments: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

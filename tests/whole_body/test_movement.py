@@ -248,7 +248,7 @@ def test_a_turning_chest_has_the_momentum_that_its_inertia_says(axis: int, bound
         chest = body.angles.chest + push
         angles = body.angles._replace(pelvis=pelvis, waist=0.5 * (pelvis + chest), chest=chest)
         frames = all_frames(angles, trunk_frames(angles))
-        centres = segment_centres(layout, joint_places(layout, body.root, frames), frames)
+        centres = segment_centres(layout, body.root, frames)
         return centres[0, rows], matrices(frames)[0, rows]
 
     step = 1e-6
