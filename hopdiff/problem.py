@@ -31,6 +31,10 @@ class RunProblem:
     settings weigh.
     """
 
+    starts = 1  # descents side by side that a search should begin with: from nearly anywhere they end in one place
+    screen = 64  # points that they are taken from
+    restarts = 1  # descents that must have been in vain before a search is over
+
     def __init__(
         self,
         character: Character,

@@ -55,8 +55,9 @@ class BodyProblem:
     or no run of least cost is found. given: terms on top of those that the settings weigh.
     """
 
-    starts = 3  # descents side by side that a search should begin with
+    starts = 2  # descents side by side that a search should begin with
     screen = 18  # points that they are taken from
+    restarts = 1  # descents that must have been in vain before a search is over
 
     def __init__(
         self,
@@ -138,7 +139,7 @@ class BodyProblem:
         )
         if key not in _found:
             plain = BodyProblem(self.character, table, self.model, self.settings, self.speed, ORDINARY_BETA, self.given)
-            search = Gradient(starts=self.starts, screen=self.screen, tolerance=2e-5, patience=8)
+            search = Gradient(tolerance=2e-5)
             try:
                 result = run_search(plain, search, Budget(LEAST_BUDGET), torch.Generator().manual_seed(0))
             except HopdiffError as error:

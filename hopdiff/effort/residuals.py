@@ -15,6 +15,7 @@ from hopdiff.effort.settings import EffortSettings
 from hopdiff.effort.terms import (
     Asked,
     Muscles,
+    Pull,
     largest_swing_knee,
     mid_stance_drop,
     muscle_power,
@@ -23,6 +24,8 @@ from hopdiff.effort.terms import (
 )
 from hopdiff.numerics import GRAVITY
 from hopdiff.objective import Term
+
+POWER_WIDTH = 0.0024  # of g sqrt(g l): over which positive and negative power pass into each other
 
 
 def with_residuals(
@@ -33,16 +36,20 @@ def with_residuals(
     wish = settings.human
     lean, drop, yaw = (math.radians(x) for x in (wish.trunk_lean_deg, wish.pelvis_drop_deg, wish.pelvis_yaw_deg))
 
+    def pull(run: Priced) -> Pull:
+        return run.once("pull", lambda: muscle_pull(run, settings))
+
     def work(run: Priced, sign: float) -> Tensor:
-        power = sign * muscle_power(run, muscle_pull(run, settings), muscles, settings.transfer)
-        # softly_positive, and half the width so that there is a root: a constant for every way
-        return _root(run, 0.5 * (power + torch.sqrt(power**2 + run.power_width**2)))
+        power = sign * muscle_power(pull(run), muscles, settings.transfer)
+        # rounded where the power changes its sign: the root of a kink has no slope there
+        width = POWER_WIDTH * GRAVITY * run.leg / run.pace
+        return _root(run, 0.5 * (power + torch.sqrt(power**2 + width**2)))
 
     def held(run: Priced, order: int) -> Tensor:
-        pull = muscle_pull(run, settings)
-        strain = muscles.strain(pull.torque, torch.ones_like(pull.torque))
+        here = pull(run)
+        strain = muscles.strain(here.torque, torch.ones_like(here.torque))
         scale = _root(run, strain * (GRAVITY * run.leg / pace) * pace ** (2 * order))
-        return (pull.torque, pull.torque_rate)[order] * scale
+        return (here.torque, here.torque_rate)[order] * scale
 
     def missed(run: Priced) -> Tensor:
         assert asked.external_work is not None
@@ -73,10 +80,12 @@ def penalty_residuals(found: list[Excess]) -> Tensor:
 
 
 def _root(run: Priced, values: Tensor) -> Tensor:
-    """(P, S, 3, M) whose squares sum to `run.per_way` of values (P, S, 3, M) of 0 or more."""
-    return torch.sqrt(values * (run.weights / (GRAVITY * run.way.unsqueeze(-1)))[:, None, None])
+    """(P, S, 3, F) whose squares sum to `run.fine_per_way` of values (P, S, 3, F) of 0 or more."""
+    found: Tensor = torch.sqrt(values * (run.fine.weights / (GRAVITY * run.way.unsqueeze(-1)))[:, None, None])
+    return found
 
 
 def _even(values: Tensor) -> Tensor:
     """(P, ..., K) the squares of which sum to the mean over K of the squares of values."""
-    return values * values.shape[-1] ** -0.5
+    found: Tensor = values * float(values.shape[-1]) ** -0.5
+    return found

@@ -24,7 +24,7 @@ class Eval(NamedTuple):
         all constraints, with penalties added near and beyond them; +inf where nothing can be computed.
     terms: named parts of the cost, each (P,), for the history (at least "gamma" and "energy").
     status: (P,) int64, a `hopdiff.types.Status`.
-    residuals: (P, R) whose squares sum to `merit` but for a constant, or None if not asked for.
+    residuals: (P, R) whose squares sum to `merit`, about and but for a constant, or None if not asked for.
     """
 
     cost: Tensor
