@@ -78,6 +78,7 @@ def build(gallery: Gallery, arguments: Sequence[str] | None = None) -> argparse.
         description="Build the gallery: makes the runs that lack, then README.md and pictures/.",
     )
     parser.add_argument("--figures", type=words, help="only these, such as 3.4,5.1; the gallery then holds no others")
+    parser.add_argument("--keep", action="store_true", help="leave all other figures as they are on the page")
     parser.add_argument("--runs", type=Path, default=gallery.runs, help="folder of the runs; finished ones are kept")
     parser.add_argument("--out", type=Path, default=gallery.home, help="folder of the gallery")
     if gallery.needs_clips:
@@ -95,7 +96,7 @@ def build(gallery: Gallery, arguments: Sequence[str] | None = None) -> argparse.
     folders: dict[str, Path] = {}
     for shot in tqdm([shot for entry in entries for shot in entry.shots], unit="run", disable=None):
         folders[shot.name] = make(shot, given.runs, given.set, clips)
-    write_gallery(given.out, gallery, entries, folders)
+    write_gallery(given.out, gallery, entries, folders, given.keep)
     print(f"{len(entries)} figures from {len(folders)} commands: {given.out / 'README.md'}")
     return given
 
@@ -131,13 +132,24 @@ class _Folders(dict[str, str]):
         return str(self.runs / name)
 
 
-def write_gallery(out: Path, gallery: Gallery, entries: Sequence[Entry], folders: Mapping[str, Path]) -> None:
-    """Write README.md and pictures/ into a folder. folders: run folder by shot."""
+def write_gallery(
+    out: Path, gallery: Gallery, entries: Sequence[Entry], folders: Mapping[str, Path], keep: bool = False
+) -> None:
+    """Write README.md and pictures/ into a folder. folders: run folder by shot. keep: the other figures of the page."""
     (out / "pictures").mkdir(parents=True, exist_ok=True)
+    page = out / "README.md"
+    before = sections(page.read_text(encoding="utf-8")) if keep and page.is_file() else {}
+    shown = [entry for entry in gallery.entries if entry in entries or anchor(entry) in before]
     numbers = {name: read_numbers(folder) for name, folder in folders.items()}
     made = f"Made at {commits(folders.values())}."
-    parts = [gallery.head, made, "\n".join(f"- [{e.figure} {e.title}](#{anchor(e)})" for e in entries)]
-    for entry in entries:
+    if old := before.get("", ""):
+        only = ", ".join(entry.figure for entry in entries)
+        made = f"{old.removesuffix('.')}; {only} at {commits(folders.values())}."
+    parts = [gallery.head, made, "\n".join(f"- [{e.figure} {e.title}](#{anchor(e)})" for e in shown)]
+    for entry in shown:
+        if entry not in entries:
+            parts.append(before[anchor(entry)])
+            continue
         for shot in entry.shots:
             if shot.picture:
                 patterns = shot.picture.split()
@@ -145,6 +157,15 @@ def write_gallery(out: Path, gallery: Gallery, entries: Sequence[Entry], folders
                 shrink(found, out / "pictures" / f"{shot.name}.png", shot.width)
         parts.append(section(gallery, entry, {shot.name: numbers[shot.name] for shot in entry.shots}))
     (out / "README.md").write_text("\n\n".join(part.strip() for part in parts) + "\n", encoding="utf-8")
+
+
+def sections(page: str) -> dict[str, str]:
+    """The sections of a page by their anchors; under "" the line that names the commits."""
+    head, *rest = page.split("\n## ")
+    found = {"": next((line for line in head.splitlines() if line.startswith("Made at ")), "")}
+    for part in rest:
+        found[heading_anchor(part.splitlines()[0])] = f"## {part.strip()}"
+    return found
 
 
 def commits(folders: Iterable[Path]) -> str:
@@ -169,8 +190,11 @@ def read_numbers(folder: Path) -> dict[str, Any]:
 
 def anchor(entry: Entry) -> str:
     """What a Markdown page makes of the entry's heading."""
-    heading = f"{entry.figure} {entry.title}".lower()
-    return "".join(c for c in heading if c.isalnum() or c in " -").replace(" ", "-")
+    return heading_anchor(f"{entry.figure} {entry.title}")
+
+
+def heading_anchor(heading: str) -> str:
+    return "".join(c for c in heading.lower() if c.isalnum() or c in " -").replace(" ", "-")
 
 
 def section(gallery: Gallery, entry: Entry, numbers: Mapping[str, Mapping[str, Any]]) -> str:

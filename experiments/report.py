@@ -45,6 +45,12 @@ def origin(study: str, arguments: Sequence[str], folders: Sequence[str] = ("--cl
     return f"Commit {commit}; `{shlex.join(['python', '-m', f'experiments.{study}', *shown])}`."
 
 
+def first_line(page: Path) -> str:
+    """The line of a page that `origin` wrote, for a page that is written again from kept numbers."""
+    lines = page.read_text(encoding="utf-8").splitlines() if page.is_file() else []
+    return lines[0] if lines and lines[0].startswith("Commit ") else "Commit and command unknown."
+
+
 def markdown(heading: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A Markdown table; the first column to the left, the others to the right."""
     lines = [list(heading), ["---"] + ["---:"] * (len(heading) - 1), *([str(cell) for cell in row] for row in rows)]

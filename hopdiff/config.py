@@ -23,7 +23,7 @@ from hopdiff.export.settings import ExportSettings, RetargetSettings
 from hopdiff.genes import GeneSettings, GeneTable, senses
 from hopdiff.job import Job, threads
 from hopdiff.messages import choose, near, one_line
-from hopdiff.models import MODELS
+from hopdiff.models import MODELS, gene_table
 from hopdiff.models.limp import LimpSettings
 from hopdiff.objective import Term
 from hopdiff.problem import RunProblem
@@ -40,6 +40,8 @@ LONGEST_NUMBER = 30  # characters of a number in a message
 
 # What a genes file brings along: a replay takes these from the file unless they are typed on the command line.
 SAVED = ("speed", "beta", "seed", "fps", "dtype", "model", "character", "costs", "genes", "limp")
+# What runs were made with before these settings were there.
+OLDER_MODELS = {"thesis": {"knee": "flexion", "impulse": False}}
 # Settings that the run of least cost, which the energy of model=body is told in, depends on.
 OF_LEAST = ("speed", "model", "character", "costs", "genes", "limp")
 
@@ -183,7 +185,8 @@ def _model_of(saved: Any, own: Mapping[str, Any]) -> Any:
     name = saved.get("name", own["name"])
     others = {entry.name for schema in MODELS.values() for entry in fields(schema)}
     mine = {entry.name for entry in fields(MODELS[name])} if name in MODELS else set()
-    return {"name": name, **{key: value for key, value in saved.items() if key in mine or key not in others}}
+    older = OLDER_MODELS.get(name, {})
+    return {"name": name, **older, **{key: value for key, value in saved.items() if key in mine or key not in others}}
 
 
 def build_job(
@@ -201,7 +204,7 @@ def build_job(
     character = Character.build(settings.character, dtype, device)
     limping = settings.limp.amount > 0
     model = build_model(settings.model, character, settings.limp)
-    known = senses("body") if isinstance(model, BodyModel) else None
+    known = senses(gene_table(str(settings.model["name"]), settings.genes))
     table = GeneTable.build(settings.genes, character.leg_length, settings.speed, dtype, device, limping, known)
     chosen, budget = search or build_search(settings.search), Budget(**vars(settings.budget))
     plain = plain_settings(config)

@@ -20,6 +20,7 @@ from hopdiff.objective import Term
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
 ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
 LEAST_DEMAND = 0.1  # weight of the energy target at beta 0, where it cannot be met, relative to beta >= 0.2
+GAMMAS = ("smooth", "ratio", "printed")
 CALMEST = 0.5  # share of the ordinary target down to which the style follows beta
 
 
@@ -42,7 +43,11 @@ class StyleSettings:
 
 @dataclass
 class LimitSettings:
-    """Constraints. A candidate that breaks one is not a possible run."""
+    """Constraints. A candidate that breaks one is not a possible run.
+
+    penalty: of the smooth one that gradients see from `margin` inside every limit on; at 0 there is none, and what is
+    impossible has no merit either.
+    """
 
     leg_force_bw: float
     knee_stance_deg: float
@@ -56,7 +61,7 @@ class LimitSettings:
 
 @dataclass
 class CostSettings:
-    """gamma: form of the connectivity, "smooth" (bounded, differentiable) or "ratio" (as printed, guarded).
+    """gamma: form of the connectivity, a name of GAMMAS, see `connectivity`.
 
     Defaults stand in conf/costs/. extra: weights of terms that have no setting of their own.
     The other numbers are weights; `energy_match` and `leg_force` and `ordinary` come on top of eval.
@@ -156,17 +161,22 @@ def connectivity(trajectory: Trajectory, form: str, guard: float) -> Tensor:
 
     form "smooth": sum of (a - b)^2 / (a^2 + b^2 + guard^2), at most 2 a joint. form "ratio": sum of
     (max / min - 1)^2 as printed, where the smaller magnitude is kept away from zero by `guard` [rad/s] and a
-    change of sign counts with the distance between the rates. Of the two take-offs of a limp it is the mean.
+    change of sign counts with the distance between the rates. form "printed": that formula to the letter, of signed
+    rates and without a guard: poles where the smaller rate crosses zero, and rates that turn from minus to plus count
+    less than those that turn from plus to minus. Of the two take-offs of a limp it is the mean.
     """
-    change, scale = _jumps(trajectory, form)
-    return (change**2 / (scale + guard**2)).sum(-1) * (LEG_CHANNELS / change.shape[-1])
+    change, scale = _jumps(trajectory, form, guard)
+    return (change**2 / scale).sum(-1) * (LEG_CHANNELS / change.shape[-1])
 
 
-def _jumps(trajectory: Trajectory, form: str) -> tuple[Tensor, Tensor]:
-    """By how much joint rates change at take-off, and the square of what that is held against, without the guard."""
+def _jumps(trajectory: Trajectory, form: str, guard: float) -> tuple[Tensor, Tensor]:
+    """By how much joint rates change at take-off, and the square of what that is held against."""
     a, b = trajectory.rates_after, trajectory.rates_before
+    if form == "printed":
+        return torch.maximum(a, b) / torch.minimum(a, b) - 1.0, torch.ones_like(a)
     # max/min - 1 = |a - b| / min for rates of one sign.
-    return a - b, a**2 + b**2 if form == "smooth" else torch.minimum(a**2, b**2)
+    scale = a**2 + b**2 if form == "smooth" else torch.minimum(a**2, b**2)
+    return a - b, scale + guard**2
 
 
 def joint_effort(trajectory: Trajectory, character: Character) -> Tensor:
@@ -197,8 +207,8 @@ def evaluation(gamma: Tensor, energy: Tensor, beta: float) -> Tensor:
 
 def eval_roots(judged: Judged, gamma: tuple[str, float], beta: float) -> Tensor:
     """(P, R) whose squares sum to `evaluation`. gamma: form and guard of the connectivity."""
-    change, scale = _jumps(judged.trajectory, gamma[0])
-    jumps = change / (scale + gamma[1] ** 2).sqrt() * (LEG_CHANNELS / change.shape[-1]) ** 0.5
+    change, scale = _jumps(judged.trajectory, *gamma)
+    jumps = change / scale.sqrt() * (LEG_CHANNELS / change.shape[-1]) ** 0.5
     miss = judged.energy - energy_target(beta)
     return torch.cat(
         (
@@ -273,7 +283,7 @@ def style_misses(trajectory: Trajectory, ordinary: Calibration, style: StyleSett
         (com_bounce(trajectory), ordinary.bounce, style.bounce),
         (arm_swing(trajectory), ordinary.arm_swing, style.arm_swing),
     ):
-        found.append(torch.log(value.clamp_min(1e-4) / usual) - exponent * growth)
+        found.append(torch.log(value.clamp_min(1e-4) / max(usual, 1e-4)) - exponent * growth)
     return found
 
 

@@ -39,12 +39,14 @@ class GeneSettings:
     genes: dict[str, Any] = field(default_factory=dict)
 
 
-# Unit in the table -> factor to what the physics uses (SI, rad), from the leg length [m]; pace is sqrt(l / g).
+# Unit in the table -> factor to what the physics uses (SI, rad), from the leg length [m]. pace is
+# sqrt(l / g), m g / l a stiffness per mass.
 _UNITS: dict[str, Callable[[float], float]] = {
     **{name: lambda leg: 1.0 for name in ("1", "rad/s2", "s", "m")},
     "deg": lambda leg: math.pi / 180.0,
     "leg": lambda leg: leg,
     "pace": lambda leg: math.sqrt(leg / GRAVITY),
+    "m g / l": lambda leg: GRAVITY / leg,
 }
 
 # Froude speeds that the tables describe: from a slow jog to a sprint. Beyond, the nearest values hold.
@@ -107,8 +109,8 @@ class GeneTable:
     ) -> "GeneTable":
         """Table at a speed [m/s] for a leg length [m]. limping: whether the genes of a lame leg belong to it.
 
-        known: the genes of a model and the open interval in which each makes sense; None: those of smooth and thesis,
-        with the genes that only they have (a common eta, a lame leg).
+        known: the genes of a model and the open interval in which each makes sense; None: those of conf/genes/default.
+        Tables that know the gene `eta` have balance gains, and genes of a lame leg.
 
         Raises HopdiffError, naming the gene, for an unknown or missing gene, an unknown unit, a range that is empty
         or reaches to where the gene makes no sense (alpha at 1/2, a duty factor of 1/2, ...), an ordinary value
@@ -116,16 +118,17 @@ class GeneTable:
         """
         froude = froude_speed(speed, leg_length)
         where = f"gene table {settings.name!r}"
-        if known is not None and settings.common_eta:
-            raise HopdiffError("genes.common_eta has no effect here: this model has no balance gains.")
         sense = senses() if known is None else known
+        gains = ETA in sense
+        if settings.common_eta and not gains:
+            raise HopdiffError("genes.common_eta has no effect here: this model has no balance gains.")
         needed = always_there(sense)
-        lame = [name for name in sense if name.startswith(LAME)] if limping and known is None else []
+        lame = [name for name in sense if name.startswith(LAME)] if limping else []
         for name in (*needed, *([ETA] if settings.common_eta else []), *lame):
             if name not in settings.genes:
                 raise HopdiffError(f"{where}: the gene {name!r} is missing.")
         rows = {name: _row(name, entry, froude, where, sense) for name, entry in settings.genes.items()}
-        names = [name for name in rows if known is not None or _wanted(name, settings.common_eta, limping)]
+        names = [name for name in rows if not gains or _wanted(name, settings.common_eta, limping)]
         everyday = {name: rows[name].ordinary * rows[name].scale(leg_length) for name in needed}
         for name, value in settings.fixed.items():
             _check_fixed(name, value, names, rows, settings.common_eta, sense)

@@ -13,6 +13,7 @@ from hopdiff.character import Character
 from hopdiff.costs import Calibration, CostSettings, Judged
 from hopdiff.doors import TERMS
 from hopdiff.genes import GeneTable, froude_speed
+from hopdiff.messages import choose
 from hopdiff.models.base import Model
 from hopdiff.models.gait import Gait, stride_motion
 from hopdiff.models.trajectory import Trajectory
@@ -46,8 +47,7 @@ class RunProblem:
         given: Sequence[Term] = (),
     ) -> None:
         check_asked(speed, beta)
-        if settings.gamma not in ("smooth", "ratio"):
-            raise HopdiffError(f"costs.gamma must be smooth or ratio, not {settings.gamma!r}.")
+        choose("costs.gamma", settings.gamma, costs.GAMMAS)
         self.character = character
         self.table = table
         self.model = model
@@ -107,7 +107,8 @@ class RunProblem:
             self.table.decode(edge.unsqueeze(0)) for edge in (self.table.low * 0.0, self.table.low * 0.0 + 1.0)
         )
         way = 2.0 * float(low["leg_extension"] * torch.sin(low["touchdown_angle"])) * self.character.leg_length
-        return way / self.speed / float(high["duty_factor"])
+        # A stiffness says nothing of the flight by itself.
+        return way / self.speed / float(high.get("duty_factor", 0.5))
 
     def trajectory(self, genes: Tensor) -> Trajectory:
         """One step of every candidate; genes (P, G) in the unit box."""
@@ -128,7 +129,8 @@ class RunProblem:
         s, trajectory = self.settings, judged.trajectory
         terms = priced(self.terms, judged, len(judged.genes))
         excess = limits.excesses(trajectory, self.character, s.limits)
-        terms["penalty"] = limits.penalty(excess, s.limits)
+        if s.limits.penalty > 0:
+            terms["penalty"] = limits.penalty(excess, s.limits)
         merit = torch.stack(list(terms.values())).sum(0)
         status = limits.status_of(excess, trajectory.solved)
         finite = torch.isfinite(merit)
@@ -146,7 +148,7 @@ class RunProblem:
             judged = self._judged(genes, self.trajectory(genes))
             merit, terms, status, _ = self._priced(judged)
             gradient = gradient_of_each(torch.where(torch.isfinite(merit), merit, 0.0), genes)[0] if with_grad else None
-        return _told(merit.detach(), {k: v.detach() for k, v in terms.items()}, status, gradient)
+        return self._told(merit.detach(), {k: v.detach() for k, v in terms.items()}, status, gradient)
 
     def residuals(self, genes: Tensor) -> Eval:
         """The same without gradient, but with residuals: of the terms one after the other, and of the penalty."""
@@ -154,7 +156,19 @@ class RunProblem:
             judged = self._judged(genes, self.trajectory(genes))
             merit, terms, status, excess = self._priced(judged)
             roots = [*residuals_of(self.terms, judged, terms), limits.penalty_roots(excess, self.settings.limits)]
-        return _told(merit, terms, status)._replace(residuals=torch.cat(roots, dim=-1))
+        return self._told(merit, terms, status)._replace(residuals=torch.cat(roots, dim=-1))
+
+    def _told(self, merit: Tensor, terms: dict[str, Tensor], status: Tensor, gradient: Tensor | None = None) -> Eval:
+        """A candidate whose stance is not solved has no merit; one that breaks a constraint has no cost."""
+        computable = torch.isfinite(merit) & (status != int(Status.STANCE_UNSOLVED))
+        if self.settings.limits.penalty == 0:
+            # Without a penalty nothing leads back from what is impossible: it is removed for gradients too.
+            computable = status == int(Status.OK)
+        merit = torch.where(computable, merit, torch.inf)
+        cost = torch.where(status == int(Status.OK), merit, torch.inf)
+        if gradient is not None:
+            gradient = torch.where(computable.unsqueeze(-1), gradient, 0.0)
+        return Eval(cost, gradient, merit, terms, status)
 
     def gait(self, genes: Tensor) -> Gait:
         """The endless runs of candidates (P, G) of the unit box, to be sampled in time."""
@@ -166,13 +180,3 @@ class RunProblem:
         """One stride of a candidate (G,) at about `fps` frames/s: the nearest rate with a whole number of frames."""
         with torch.no_grad():
             return stride_motion(self.gait(genes.unsqueeze(0)), fps)
-
-
-def _told(merit: Tensor, terms: dict[str, Tensor], status: Tensor, gradient: Tensor | None = None) -> Eval:
-    """A candidate whose stance is not solved has no merit; one that breaks a constraint has no cost."""
-    computable = torch.isfinite(merit) & (status != int(Status.STANCE_UNSOLVED))
-    merit = torch.where(computable, merit, torch.inf)
-    cost = torch.where(status == int(Status.OK), merit, torch.inf)
-    if gradient is not None:
-        gradient = torch.where(computable.unsqueeze(-1), gradient, 0.0)
-    return Eval(cost, gradient, merit, terms, status)

@@ -61,7 +61,7 @@ def test_help_is_a_page(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
         assert word in out
     for group, choices in {
         "model": "body, smooth, thesis",
-        "search": "cmaes, ga, gradient, hybrid, ordinary, random",
+        "search": "cmaes, ga, ga_thesis, gradient, hybrid, ordinary, random",
         "export": "apng, blendspace, bvh_blender, bvh_unity, bvh_unreal, csv, events, fbx, frames, glb, glb_mixamo,"
         " glb_unreal, html, npz, sprites, usd, vrma",
         "task": "blendspace, body, compare, edit, export, hopper, navigate, path, replay, run",

@@ -19,12 +19,12 @@ FIGURES = {
     "fig_3_11": (1.0, 0.2, "ordinary", True),
     "fig_3_12": (5.0, 0.2, "ordinary", True),
     "fig_3_14": (2.0, 0.2, "ordinary", True),
-    "fig_5_1": (2.0, 0.0, "ga", True),
-    "fig_5_2": (5.0, 0.0, "ga", True),
-    "fig_5_3": (7.0, 0.0, "ga", True),
-    "fig_5_4": (10.0, 0.2, "ga", False),
-    "fig_5_5": (10.0, 0.7, "ga", False),
-    "fig_5_7": (5.0, 0.5, "ga", False),
+    "fig_5_1": (2.0, 0.0, "ga_thesis", True),
+    "fig_5_2": (5.0, 0.0, "ga_thesis", True),
+    "fig_5_3": (7.0, 0.0, "ga_thesis", True),
+    "fig_5_4": (10.0, 0.2, "ga_thesis", False),
+    "fig_5_5": (10.0, 0.7, "ga_thesis", False),
+    "fig_5_7": (5.0, 0.5, "ga_thesis", False),
 }
 
 

@@ -88,3 +88,23 @@ def test_hermite_agrees_with_scipy() -> None:
     spline = CubicHermiteSpline([0.0, 0.35], [0.3, -1.2], [4.0, -7.0])
     found = numerics.hermite(x, start, end, start_rate, end_rate, duration)
     assert np.allclose(found.numpy(), spline(0.35 * x.numpy()), atol=1e-12)
+
+
+def test_vector_products_along_any_axis_are_those_of_the_library() -> None:
+    a, b = torch.randn(2, 4, 3, 3, 5, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    for dim in (1, 2):
+        torch.testing.assert_close(numerics.cross(a, b, dim), torch.linalg.cross(a, b, dim=dim))
+
+
+@pytest.mark.parametrize("size", [2, 3])
+def test_small_systems_are_solved(size: int) -> None:
+    generator = torch.Generator().manual_seed(size)
+    matrix = torch.randn(5, size, size, generator=generator, dtype=torch.float64)
+    wanted = torch.randn(5, size, generator=generator, dtype=torch.float64)
+    right = (matrix @ wanted.unsqueeze(-1)).squeeze(-1)
+    torch.testing.assert_close(numerics.solve_small(matrix, right), wanted, rtol=1e-9, atol=1e-9)
+    # One without a solution says so, and leaves its neighbours alone.
+    matrix[0] = 0.0
+    found = numerics.solve_small(matrix, right)
+    assert not bool(found[0].isfinite().all())
+    torch.testing.assert_close(found[1:], wanted[1:], rtol=1e-9, atol=1e-9)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import platform
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
@@ -14,7 +15,7 @@ import torch
 
 from experiments.bench.measure import measure
 from experiments.bench.playback import play
-from experiments.report import integers, markdown
+from experiments.report import integers, markdown, origin, words
 from hopdiff.composing import compose
 from hopdiff.config import build_job
 from hopdiff.io.files import write_whole
@@ -26,24 +27,32 @@ FPS = 60.0  # of a played run
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m experiments.bench", description=__doc__)
+    parser.add_argument("--models", type=words, default=["body", "smooth"])
     parser.add_argument("--sizes", type=integers, default=[1, 64, 4096], help="candidates a batch")
     parser.add_argument("--rounds", type=int, default=15, help="timings of each kind, interleaved; the median counts")
     parser.add_argument("--evaluations", type=int, default=10_000, help="budget of the timed searches")
     parser.add_argument("--crowds", type=integers, default=[1, 256], help="runs played at once")
     parser.add_argument("--seconds", type=float, default=10.0, help="of every played run, at 60 frames/s")
     parser.add_argument("--out", type=Path, default=HERE, help="folder for results.md")
-    options = parser.parse_args(arguments)
+    typed = list(sys.argv[1:] if arguments is None else arguments)
+    options = parser.parse_args(typed)
+    made = origin("bench", typed)
     torch.set_num_threads(1)
     text = "\n".join(
         (
+            made,
+            "",
             f"{processor()}, 1 thread, torch {torch.__version__}, Python {platform.python_version()}; 5 m/s, random"
             f" candidates, medians of {options.rounds} rounds.",
             "",
             "## An evaluation and its gradient",
             "",
-            "`model=smooth`. Memory: what the process grew by.",
+            "Memory: what the process grew by. Waits: how often the host asks for a number that is worked out on the"
+            " device. Rooflines: the time with gradient over the least that these operations can take on this core,"
+            " their matrix products at the speed of its largest one and everything else at the speed at which it adds"
+            " tensors in its cache.",
             "",
-            evaluations(options.sizes, options.rounds),
+            evaluations(options.models, options.sizes, options.rounds),
             "",
             f"## Searches with a budget of {options.evaluations}",
             "",
@@ -62,27 +71,33 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(text)
 
 
-def evaluations(sizes: Sequence[int], rounds: int) -> str:
+def evaluations(models: Sequence[str], sizes: Sequence[int], rounds: int) -> str:
     rows = []
-    for dtype, size in product(("float32", "float64"), sizes):
+    for model, dtype, size in product(models, ("float64", "float32"), sizes):
+        if (model, dtype) == ("body", "float32"):
+            continue  # rates of rates of angles on Chebyshev nodes: costs are off by half a per cent
         # A process of its own for each: the peak of its memory is then its own.
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-            value, gradient, memory = pool.submit(measure, dtype, size, rounds).result()
+            turns = max(1, min(rounds, 1024 // size)) if model == "body" else rounds
+            found = pool.submit(measure, model, dtype, size, turns).result()
         rows.append(
             (
+                model,
                 dtype,
                 str(size),
-                f"{1e3 * value:.1f}",
-                f"{size / value:,.0f}",
-                f"{1e3 * gradient:.1f}",
-                f"{size / gradient:,.0f}",
-                f"{gradient / value:.2f}",
-                f"{memory:.0f}",
+                f"{1e3 * found.value:.1f}",
+                f"{1e3 * found.gradient:.1f}",
+                f"{1e3 * found.gradient / size:.2f}",
+                f"{found.gradient / found.value:.2f}",
+                f"{found.calls:,}",
+                str(found.waits),
+                f"{found.gradient / found.roofline:.1f}",
+                f"{found.memory:.0f}",
             )
         )
     heading = [
-        *("dtype", "candidates", "value ms", "value candidates/s", "with gradient ms", "with gradient candidates/s"),
-        *("ratio", "peak memory MB"),
+        *("model", "dtype", "candidates", "value ms", "with gradient ms", "a candidate ms", "ratio"),
+        *("operations", "waits", "rooflines", "peak memory MB"),
     ]
     return markdown(heading, rows)
 

@@ -113,7 +113,11 @@ def path(numbers: Numbers) -> str:
 
 def convergence(numbers: Numbers) -> str:
     parts = []
-    for name in ("fig_5_7", "fig_5_7_smooth"):
+    for name, words in (
+        ("fig_5_7", "model=thesis"),
+        ("fig_5_7_joined", "model.knee=joined"),
+        ("fig_5_7_smooth", "model=smooth"),
+    ):
         rows = numbers[name]["rows"]
         by_search: dict[str, list[float]] = {}
         for row in rows:
@@ -123,7 +127,7 @@ def convergence(numbers: Numbers) -> str:
             for search, costs in sorted(by_search.items(), key=lambda item: median(item[1]))
         )
         seeds = max(len(costs) for costs in by_search.values())
-        parts.append(f"`{rows[0]['model']}`, final value, median of {seeds} seeds and range: {found}")
+        parts.append(f"`{words}`, final value, median of {seeds} seeds and range: {found}")
     return "; ".join(parts) + "."
 
 

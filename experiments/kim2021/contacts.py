@@ -15,7 +15,7 @@ from experiments.bvh_reading import body
 from experiments.edits.asks import KINDS, Way
 from experiments.edits.study import Result, asked, tried
 from experiments.gallery import commits
-from experiments.report import markdown, words
+from experiments.report import markdown, origin, words
 from hopdiff.feet.planting import FEET_BY
 from hopdiff.io.files import write_whole
 
@@ -51,9 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--runs", type=Path, default=Path("outputs/contacts"), help="folder for the edits' run folders")
     parser.add_argument("--out", type=Path, default=HERE / "contacts.md", help="file for the tables")
     given = parser.parse_args(arguments)
+    made = origin("kim2021.contacts", ("FILES", *(["--only", ",".join(given.only)] if given.only else [])))
     torch.set_num_threads(1)
     judged = {by: study(by, given.files, asked(given.only, False), given.runs / by) for by in FEET_BY}
-    text = page(judged, [file.stem for file in given.files])
+    text = f"{made}\n\n{page(judged, [file.stem for file in given.files])}"
     write_whole(given.out, text)
     print(text)
 

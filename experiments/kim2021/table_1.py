@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from experiments.report import markdown
+from experiments.report import markdown, origin
 from hopdiff.editing.leg_joints import facing, find_legs
 from hopdiff.editing.paper import PaperSettings, edit_path_as_paper
 from hopdiff.editing.root_path import RootPath, root_path
@@ -107,7 +107,8 @@ def _timed(row: Row, path: RootPath, frame_time: float, variant: str) -> float:
 
 def write_table(clips: Path, file: Path) -> None:
     text = table_1(clips)
-    file.write_text("# Table 1, row by row\n\n" + text, encoding="utf-8")
+    made = origin("kim2021", ("--clips", "FOLDER"))
+    file.write_text(f"{made}\n\n# Table 1, row by row\n\n{text}", encoding="utf-8")
 
 
 def words_of(row: Row) -> Sequence[str]:

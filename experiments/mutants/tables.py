@@ -16,7 +16,7 @@ def report(rows: Sequence[Row], equivalents: Mapping[str, str]) -> str:
     """How many were killed of each part, what survived, and what is equivalent."""
     kinds = list(dict.fromkeys(row["kind"] for row in rows))
     commits = ", ".join(dict.fromkeys(row["commit"] for row in rows))
-    parts = [f"# Mutants\n\n{len(rows)} changes, tried at {commits}.\n"]
+    parts = [f"# Mutants\n\n{len(rows)} changes, tried at commit {commits}, by `python -m experiments.mutants`.\n"]
     for kind in kinds:
         own = [row for row in rows if row["kind"] == kind]
         parts.append(f"## {kind.capitalize()}\n\n{totals(own, equivalents)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
@@ -13,12 +14,13 @@ from typing import Any
 import hopdiff
 from experiments.reach.bars import BARS, Row, energy_error, per_pair, trend_breaks
 from experiments.reach.picture import trends_figure
-from experiments.report import floats, integers, markdown, read_table
+from experiments.report import first_line, floats, integers, markdown, origin, read_table
 from hopdiff.io.files import write_whole
 from hopdiff.io.record import write_table
 from hopdiff.plots.save import save_figure
 
 HERE = Path(__file__).parent
+ASKED = ("speed", "beta", "seed")  # of a run
 KEPT = (
     *("speed", "beta", "seed", "cost", "energy_rate", "energy_target", "gamma", "contact_time", "flight_time"),
     *("flight_share", "com_oscillation", "arm_swing_deg", "peak_leg_force_bw", "knee_touchdown_deg"),
@@ -29,15 +31,22 @@ KEPT = (
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    options = parser().parse_args(arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    options = parser().parse_args(words)
     options.out.mkdir(parents=True, exist_ok=True)
-    table = options.out / "runs.csv"
+    table, kept = options.out / "runs.csv", options.out / "genes.csv"
     if options.redraw:
         rows = [{name: float(cell) for name, cell in row.items()} for row in read_table(table)]
+        made = first_line(options.out / "results.md")
     else:
-        rows = runs(options)
+        made = origin("reach", words)
+        found = runs(options)
+        rows = [row for row, _ in found]
         write_table(table, list(rows[0]), ([format(cell, ".6g") for cell in row.values()] for row in rows))
-    text = report(rows)
+        # What the runs are made from: `python -m experiments.check` prices them again.
+        asked = [{name: row[name] for name in ASKED} | genes for row, genes in found]
+        write_table(kept, list(asked[0]), ([format(cell, ".10g") for cell in row.values()] for row in asked))
+    text = f"{made}\n\n{report(rows)}"
     write_whole(options.out / "results.md", text)
     save_figure(trends_figure(rows, read_table(HERE / "humans.csv")), options.out / "trends.png", dpi=110)
     print(text)
@@ -56,24 +65,24 @@ def parser() -> argparse.ArgumentParser:
     return parser
 
 
-def runs(options: argparse.Namespace) -> list[Row]:
-    """One row a run, in order of speed, beta and seed."""
+def runs(options: argparse.Namespace) -> list[tuple[Row, Row]]:
+    """Metrics and genes of each run, in order of speed, beta and seed."""
     chosen = {name: value for name, value in vars(options).items() if name in ("search", "evaluations")}
     asked = [(*run, chosen) for run in product(options.speeds, options.betas, options.seeds)]
     rows = []
     with ProcessPoolExecutor(options.processes) as pool:
-        for row in pool.map(measured, *zip(*asked, strict=True)):
+        for row, genes in pool.map(measured, *zip(*asked, strict=True)):
             print(f"{row['speed']:g} m/s beta {row['beta']:g} seed {row['seed']:g}: cost {row['cost']:.4f}", flush=True)
-            rows.append(row)
+            rows.append((row, genes))
     return rows
 
 
-def measured(speed: float, beta: float, seed: int, chosen: dict[str, Any]) -> Row:
-    """The metrics of one run; `travel` is the speed at which the finished clip moves."""
+def measured(speed: float, beta: float, seed: int, chosen: dict[str, Any]) -> tuple[Row, Row]:
+    """The metrics of one run, and its genes in the units of their table; `travel` is how fast the clip moves."""
     run = hopdiff.generate(speed, beta, seed=seed, model="smooth", **chosen)
     clip = run.clip
     travel = (clip.root_position[-1, 2] - clip.root_position[0, 2]) / (clip.frame_time * (clip.frames - 1))
-    return {**{name: float(run.metrics[name]) for name in KEPT}, "travel": float(travel)}
+    return {**{name: float(run.metrics[name]) for name in KEPT}, "travel": float(travel)}, run.genes
 
 
 def report(rows: Sequence[Row]) -> str:

@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import platform
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib.util import find_spec
@@ -14,7 +15,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
-from experiments.report import markdown, words
+from experiments.report import markdown, origin, words
 from experiments.scale.inside import inside
 from experiments.scale.measure import HYDRA_OWN, Taken, sweep, wait_for_quiet
 from hopdiff.io.files import write_whole
@@ -29,7 +30,9 @@ ROUNDS = 20
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    options = parser().parse_args(arguments)
+    typed = list(sys.argv[1:] if arguments is None else arguments)
+    options = parser().parse_args(typed)
+    made = origin("scale", typed)
     options.out.mkdir(parents=True, exist_ok=True)
     kept = options.out / KEPT
     taken = json.loads(kept.read_text()) if kept.is_file() and not options.fresh else {"pairs": {}, "tiny": {}}
@@ -60,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                     note(taken["tiny"], f"{engine}, {runs}", found)
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         own = pool.submit(inside, TINY, ROUNDS).result()
-    text = report(taken["pairs"], taken["tiny"], own, options.jobs)
+    text = f"{made}\n\n{report(taken['pairs'], taken['tiny'], own, options.jobs)}"
     write_whole(options.out / "results.md", text)
     print(text)
 

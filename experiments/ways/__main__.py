@@ -20,7 +20,7 @@ from typing import Any
 import torch
 import yaml
 
-from experiments.report import markdown, read_table, words
+from experiments.report import markdown, origin, read_table, words
 from experiments.ways.judge import Shortest, judge, read_walk
 from experiments.ways.scenes import HALF_WIDTH, SCENES, Data, Pair, pairs
 from hopdiff.cli import main as hopdiff
@@ -213,12 +213,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--out", type=Path, default=HERE, help="folder for results.md and ways.csv, which is gone on with"
     )
-    given = parser.parse_args(arguments)
+    typed = list(sys.argv[1:] if arguments is None else arguments)
+    given = parser.parse_args(typed)
+    made = origin("ways", typed)
     torch.set_num_threads(1)
     given.out.mkdir(parents=True, exist_ok=True)
     clip = given.clips / CLIP if given.clips.is_dir() else given.clips
     rows = study(clip, given.unit, given.scenes, given.pairs, given.busy, given.out / "ways.csv")
-    text = report(rows, clip.stem)
+    text = f"{made}\n\n{report(rows, clip.stem)}"
     write_whole(given.out / "results.md", text)
     print(text)
 

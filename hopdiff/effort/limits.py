@@ -14,10 +14,10 @@ from torch import Tensor
 
 from hopdiff.effort.priced import Priced
 from hopdiff.effort.settings import BodyLimits
-from hopdiff.numerics import GRAVITY
+from hopdiff.numerics import GRAVITY, constant
 from hopdiff.types import Status
 from hopdiff.whole_body.layout import FEET, SHANKS
-from hopdiff.whole_body.support import places_of
+from hopdiff.whole_body.places import places_of
 
 CONVERGED = 0.02  # m and rad that the last round of the solution may go
 TOLERANCE = 0.5  # of a unit by which a limit may be overstepped at any moment
@@ -125,7 +125,7 @@ def status_of(found: list[Excess], moved: Tensor) -> Tensor:
     asked = [one for one in found if not one.wish]
     worst = torch.stack([one.curves.flatten(1).amax(-1) / SOFT.get(one.status, TOLERANCE) for one in asked])
     largest, which = worst.max(0)
-    codes = torch.tensor([int(one.status) for one in asked], device=moved.device)[which]
+    codes = constant(tuple(int(one.status) for one in asked), torch.int64, moved.device)[which]
     status = torch.where(largest > 1.0, codes, torch.zeros_like(codes))
     status = torch.where(largest.isfinite(), status, torch.full_like(status, int(Status.NOT_FINITE)))
     solved = moved.isfinite() & (moved < CONVERGED)

@@ -15,6 +15,8 @@ from hopdiff.whole_body.dynamics import Dynamics
 from hopdiff.whole_body.grid import Fine
 from hopdiff.whole_body.movement import Body, Movement
 
+POWER_WIDTH = 0.0024  # of g sqrt(g l)
+
 Made = TypeVar("Made")
 
 
@@ -85,9 +87,16 @@ class Priced:
         summed = values.flatten(1, -2).sum(1)
         return (summed * self.fine.weights).sum(-1) / (GRAVITY * self.way)
 
-    def positive_per_way(self, values: Tensor) -> Tensor:
-        """`per_way` of max(values, 0) of smooth curves (P, C, F)."""
-        return self.fine.positive(values).sum(1) / (GRAVITY * self.way)
+    @property
+    def power_width(self) -> float:
+        """Power over which positive and negative work pass into each other, a share of g sqrt(g l) [W/kg]."""
+        return POWER_WIDTH * GRAVITY * self.leg / self.pace
+
+    def work_per_way(self, power: Tensor) -> tuple[Tensor, Tensor]:
+        """Positive and negative work (P,) of powers (P, C, F) [W/kg], in body weights times the way."""
+        positive, negative = self.fine.signed(power, self.power_width)
+        weight = GRAVITY * self.way
+        return positive.sum(1) / weight, negative.sum(1) / weight
 
     def per_way(self, values: Tensor) -> Tensor:
         """Integral over time of (P, ..., M), summed over everything else, in body weights times the way (P,)."""
@@ -107,7 +116,7 @@ class Priced:
         carried = self.body.carried
         velocity = self.movement.grid.derivative(carried.com)
         force, velocity = self.finer(torch.cat((carried.force.sum(1), velocity), dim=1)).split(3, dim=1)
-        return self.positive_per_way((force * velocity).sum(1, keepdim=True))
+        return self.work_per_way((force * velocity).sum(1, keepdim=True))[0]
 
     def contact_times(self) -> Tensor:
         """(P, C) of each contact [s]."""

@@ -29,7 +29,7 @@ from hopdiff.whole_body.anchor import Anchor
 from hopdiff.whole_body.dynamics import dynamics
 from hopdiff.whole_body.finish import stride_motion
 from hopdiff.whole_body.gait import BodyGait
-from hopdiff.whole_body.model import FINAL_ROUNDS, BodyModel
+from hopdiff.whole_body.model import BodyModel
 
 CHUNK = 64  # candidates priced at once: more are slower, and need memory
 LOST = 0.05  # m and rad of the last round beyond which a candidate's cost says nothing
@@ -161,11 +161,9 @@ class BodyProblem:
 
     def solved(self, genes: Tensor) -> Priced:
         """The same, solved to rounding."""
+        speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
         with torch.no_grad():
-            speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
-            movement = self.model.movement(self.table.decode(genes), speed)
-            state, moved = movement.solve(FINAL_ROUNDS)
-            body = movement.body(state)
+            movement, body, moved = self.model.exact(self.table.decode(genes), speed, self.anchor)
             return Priced(movement, body, dynamics(movement, body), moved)
 
     def energy(self, run: Priced) -> Tensor:
@@ -220,7 +218,7 @@ class BodyProblem:
     def gait(self, genes: Tensor) -> BodyGait:
         """The endless runs of candidates (P, G) of the unit box, to be sampled in time."""
         speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
-        return self.model.gait(self.table.decode(genes), speed)
+        return self.model.gait(self.table.decode(genes), speed, self.anchor)
 
     def motion(self, genes: Tensor, fps: float) -> Motion:
         """One stride of a candidate (G,) at about `fps` frames/s: the nearest rate with a whole number of frames."""

@@ -20,7 +20,7 @@ from hopdiff.objective import Term
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.dynamics import ANKLES
 from hopdiff.whole_body.layout import SEGMENTS
-from hopdiff.whole_body.support import places_of
+from hopdiff.whole_body.places import places_of
 
 TURNING = 0.1  # of the lesser strength: over what a torque passes from one direction's muscles to the other's
 LEG_JOINTS = slice(3, 9)  # hips, knees, ankles among the joints after the pelvis
@@ -211,10 +211,7 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
         return run.once("pull", lambda: muscle_pull(run, settings))
 
     def work(run: Priced) -> tuple[Tensor, Tensor]:
-        """Positive and negative (P,)."""
-        power = muscle_power(pull(run), muscles, settings.transfer).flatten(1, 2)
-        positive = run.positive_per_way(power)
-        return positive, positive - run.fine_per_way(power)
+        return run.work_per_way(muscle_power(pull(run), muscles, settings.transfer).flatten(1, 2))
 
     def done(run: Priced, sign: int) -> Tensor:
         return run.once("work", lambda: work(run))[sign]

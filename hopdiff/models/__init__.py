@@ -4,7 +4,10 @@
 from dataclasses import dataclass, fields
 
 from hopdiff.character import Character
-from hopdiff.models.base import Model
+from hopdiff.genes import GeneSettings
+from hopdiff.messages import choose
+from hopdiff.models.active_leg import KNEES
+from hopdiff.models.base import STIFFNESS, Model
 from hopdiff.models.limp import LimpSettings
 from hopdiff.models.smooth import SmoothModel
 from hopdiff.models.thesis import ThesisModel
@@ -46,20 +49,40 @@ class SmoothSettings:
 
 @dataclass
 class ThesisSettings:
-    """step: frame interval h of the stepping equations [s]. strides: run before the one that is kept."""
+    """step: frame interval h of the stepping equations [s]. strides: run before the one that is kept.
+
+    knee: printed, flexion or joined. impulse: whether the energy counts the jump of the rates at take-off.
+    """
 
     name: str
     step: float
     strides: int
+    knee: str
+    impulse: bool
 
     def build(self, character: Character, limp: LimpSettings | None) -> ThesisModel:
         """Raises HopdiffError, naming the setting, for a number out of range."""
         _within(self, step=(1e-4, 0.02), strides=(0, 1000))
-        return ThesisModel(character, self.step, self.strides, limp)
+        choose("model.knee", self.knee, KNEES)
+        return ThesisModel(character, self.step, self.strides, limp, self.knee, self.impulse)
 
 
 ModelSettings = BodySettings | SmoothSettings | ThesisSettings
 MODELS: dict[str, type] = {"body": BodySettings, "smooth": SmoothSettings, "thesis": ThesisSettings}
+
+
+def gene_table(model: str, genes: GeneSettings) -> str:
+    """The table in conf/genes/ whose genes this one may hold, which the model can read.
+
+    Raises HopdiffError for the genes of the thesis with another model.
+    """
+    if model == "body":
+        return "body"
+    if STIFFNESS not in genes.genes:
+        return "default"
+    if model != "thesis":
+        raise HopdiffError(f"genes={genes.name} are those of model=thesis: model={model} takes genes=default.")
+    return "thesis"
 
 
 def _within(settings: ModelSettings, **ranges: tuple[float, float]) -> None:

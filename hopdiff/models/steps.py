@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from hopdiff.character import Character
-from hopdiff.models.base import hopper_cycle
+from hopdiff.models.base import hopper_cycle, with_duty_factor
 from hopdiff.models.limp import LimpSettings, leg_genes, limping_cycles
 from hopdiff.physics.hopper import Cycle
 
@@ -36,6 +36,7 @@ class Steps:
         """genes: name -> (P,) in SI units and rad. speed: (P,) [m/s]. swell: see `limping_cycles`."""
         if limp is None:
             return cls(1, genes, hopper_cycle(character, genes, speed), speed)
+        genes = with_duty_factor(character, genes, speed)
         cycle = limping_cycles(character, genes, speed, limp, swell)
         return cls(2, leg_genes(genes, limp.leg), cycle, speed.repeat(2))
 

@@ -1,8 +1,8 @@
 """The `thesis` model: the equations of Kang (1999) stepped frame by frame.
 
 One step is run from touchdown: hopper (1) to (4), legs (5), (6), balance (7) to (11) from an upright body at rest; of
-a limp both steps. Genes are those of the smooth model. The touchdown state and the spring come from the periodic hop
-of `solve_cycle`, since the thesis leaves the vertical speed at touchdown open.
+a limp both steps. Genes are those of the thesis (conf/genes/thesis.yaml) or those of the smooth model. The thesis
+leaves the vertical speed at touchdown open: it is that of the hop which repeats itself (`hopper_cycle`).
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ import torch
 from torch import Tensor
 
 from hopdiff.character import Character
+from hopdiff.models.active_leg import ActiveLeg, knee_in_flight, standing_knee_rate
 from hopdiff.models.body import foot_height, lower_centre, sway_sensitivity, upper_centre, upper_channels
 from hopdiff.models.limp import LimpSettings
 from hopdiff.models.steps import Steps
 from hopdiff.models.thesis_gait import Frames, ThesisGait, along, last_stride, lay_out
 from hopdiff.models.trajectory import JOINT_CHANNELS, LEG_CHANNELS, Trajectory, join_steps
-from hopdiff.numerics import safe_acos
-from hopdiff.physics.legs import LegPose, flight_alpha, knee_offset, leg_pose
+from hopdiff.numerics import GRAVITY
+from hopdiff.physics.legs import LegPose, knee_offset, leg_pose
 from hopdiff.physics.stepping import Hops, flight_blend, step_balance, step_hopper
 
 
@@ -28,13 +29,17 @@ from hopdiff.physics.stepping import Hops, flight_blend, step_balance, step_hopp
 class ThesisModel:
     """character: the body. step: frame interval h [s]. strides: run before the one that a gait repeats.
 
-    limp: how the two legs differ, or None.
+    limp: how the two legs differ, or None. knee: how the knees go through the air, a name of `active_leg.KNEES`.
+    impulse: whether joint accelerations reach across take-off, where the printed knee changes its rate at once; they
+    then hold a term that grows as 1 / h.
     """
 
     character: Character
     step: float = 0.005
     strides: int = 8
     limp: LimpSettings | None = None
+    knee: str = "printed"
+    impulse: bool = False
 
     @property
     def sound(self) -> ThesisModel:
@@ -84,37 +89,27 @@ class ThesisModel:
         )
         height, ahead = cycle.leg_length * torch.cos(cycle.touchdown_angle), cycle.reach
         touchdown, _ = leg_pose(side, -height.unsqueeze(-1), ahead.unsqueeze(-1), body.thigh, body.shank)
-        end_rate = -(cycle.speed * height + cycle.touchdown_rate * ahead) / cycle.leg_length**2
-        alpha = flight_alpha(g["swing_reach"], end_rate, cycle.flight_time)
-        angle_end = touchdown.angle - g["swing_reach"].unsqueeze(-1)
-        # The other leg is on the ground when this one has to clear it.
-        distance = (steps.other(height) - g["swing_clearance_end"]).unsqueeze(-1) / torch.cos(angle_end)
-        knee_end = safe_acos((distance**2 - body.thigh**2 - body.shank**2) / (2.0 * body.thigh * body.shank))
-        angle_start, knee_start, knee_middle = (
-            g[f"swing_{name}"].unsqueeze(-1) for name in ("angle_start", "knee_start", "knee_middle")
-        )
-        own_start, own_knee_start, own_touchdown = angle_start, knee_start, touchdown
+        own, own_touchdown = ActiveLeg.of(body, steps, touchdown), touchdown
         # From here on the leg in the air is the other one.
-        touchdown, angle_start, knee_start, knee_middle, angle_end, knee_end, alpha = steps.other(
-            (touchdown, angle_start, knee_start, knee_middle, angle_end, knee_end, alpha)
-        )
+        touchdown, swing = steps.other((touchdown, own))
         # Stance: the active leg moves with the way of HIP, its knee on the parabola through three genes.
         p = hops.phase
         active = LegPose(
-            angle_start + (angle_end - angle_start) * p,
-            knee_start * (1 - p) * (1 - 2 * p) + 4 * knee_middle * p * (1 - p) + knee_end * p * (2 * p - 1),
-            touchdown.tilt + zero,
+            swing.angle_start + (swing.angle_end - swing.angle_start) * p, swing.knee(p), touchdown.tilt + zero
         )
-        # Flight, equation (5): knees blend linearly, leg angles on the parabola (6); the legs swap their roles.
-        blend = flight_blend(p, alpha)
+        # Flight, equation (5), leg angles on the parabola (6); the legs swap their roles.
+        blend = flight_blend(p, swing.alpha.squeeze(-1))
+        leaving = self._knee_rate(steps, hops, takeoff.knee)
+        passing = swing.knee_slope() / cycle.contact_time.unsqueeze(-1)
+        duration = hops.flight.clamp_min(1e-9)
         trailing = LegPose(
-            takeoff.angle + (own_start - takeoff.angle) * blend,
-            takeoff.knee + (own_knee_start - takeoff.knee) * p,
+            takeoff.angle + (own.angle_start - takeoff.angle) * blend,
+            knee_in_flight(self.knee, body, p, (takeoff.knee, own.knee_start), leaving, duration),
             takeoff.tilt + (own_touchdown.tilt - takeoff.tilt) * p,
         )
         leading = LegPose(
-            angle_end + (touchdown.angle - angle_end) * blend,
-            knee_end + (touchdown.knee - knee_end) * p,
+            swing.angle_end + (touchdown.angle - swing.angle_end) * blend,
+            knee_in_flight(self.knee, body, p, (swing.knee_end, touchdown.knee), passing, duration),
             touchdown.tilt + zero,
         )
         channels = {
@@ -130,6 +125,16 @@ class ThesisModel:
             channels[f"{name}_tilt"] = sign * pose.tilt
         standing = hops.alive & ~hops.in_flight
         return channels, reach.masked_fill(~standing, 0.0).amax(-1)
+
+    def _knee_rate(self, steps: Steps, hops: Hops, takeoff: Tensor) -> Tensor:
+        """Rate of the carrying knee at take-off (B, F) [rad/s], from its flexion there."""
+        cycle = steps.cycle
+        pace = (2.0 * cycle.reach / cycle.contact_time).unsqueeze(-1)
+        landing = steps.other(cycle.leg_length * torch.cos(cycle.touchdown_angle)).unsqueeze(-1)
+        duration = hops.flight.clamp_min(1e-9)
+        rise = (landing - hops.takeoff_height) / duration + 0.5 * GRAVITY * duration
+        place = (hops.takeoff_forward - hops.foot, hops.takeoff_height)
+        return standing_knee_rate(self.character, takeoff, place, (pace, rise))
 
     def _balance(
         self,
@@ -178,12 +183,13 @@ class ThesisModel:
         rates = torch.diff(angles, dim=1) / self.step
         inner = torch.diff(rates, dim=1) / self.step
         accelerations = torch.cat((inner[:, :1], inner, inner[:, -1:]), dim=1)
-        # The rows next to take-off mix stance and flight: each takes over its own side's neighbour.
+        # The rows next to take-off mix stance and flight: each takes over its own side's neighbour, but for an impulse.
         frame = torch.arange(angles.shape[1], device=angles.device)
         last = f.stance_frames.clamp_min(3) - 1
         final = f.step_frames.clamp_min(5) - 1
         near = frame.expand(speed.shape[0], -1)
-        near = torch.where(near == last[:, None], near - 1, torch.where(near == last[:, None] + 1, near + 1, near))
+        if not self.impulse:
+            near = torch.where(near == last[:, None], near - 1, torch.where(near == last[:, None] + 1, near + 1, near))
         near = torch.minimum(near, (final - 1)[:, None]).clamp(1, angles.shape[1] - 2)
         accelerations = accelerations.gather(1, near.unsqueeze(-1).expand_as(accelerations))
 

@@ -41,6 +41,11 @@ class Population(NamedTuple):
         signals = torch.stack((cost.isfinite().sum().to(cost.dtype), cost.amin()))
         return self._replace(genes=genes[order], cost=cost[order], signals=signals)
 
+    def possible(self, signals: list[float]) -> Population:
+        """Without the invalid ones, now that the host knows how many are valid."""
+        valid = int(signals[0])
+        return self._replace(genes=self.genes[:valid], cost=self.cost[:valid], signals=None)
+
 
 @dataclass(frozen=True)
 class GA:
@@ -102,9 +107,9 @@ class GA:
         return state.signals
 
     def steered(self, state: Population, signals: list[float]) -> Population:
-        """The population without the invalid ones, now that the host knows how many are valid, and the best cost."""
-        valid, best = int(signals[0]), signals[1]
-        grown = state._replace(genes=state.genes[:valid], cost=state.cost[:valid], signals=None)
+        """The population without the invalid ones, one generation on."""
+        grown, best = state.possible(signals), signals[1]
+        valid = len(grown.genes)
         if state.generation == 0 and valid < max(2, self.population // 10):
             return grown
         progress = valid > 0 and not best >= state.best - self.gain * abs(state.best)

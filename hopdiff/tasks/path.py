@@ -23,6 +23,7 @@ from hopdiff.io.run_folder import Note, RunFolder
 from hopdiff.job import Job, Run, make_run
 from hopdiff.messages import plural, say, typed_names
 from hopdiff.metrics import loop_error, stance_foot_drift
+from hopdiff.models.base import STIFFNESS
 from hopdiff.models.course import run_along, turning_lean
 from hopdiff.motion import Motion
 from hopdiff.plots.animation import path_film
@@ -130,7 +131,9 @@ def path_run(job: Job, route: Route, result: SearchResult, ground: Ground | None
 
 def cadence_gene(problem: RunProblem | BodyProblem) -> str:
     """The gene by which strides are made to fill a time."""
-    return "step_time" if isinstance(problem, BodyProblem) else "duty_factor"
+    if isinstance(problem, BodyProblem):
+        return "step_time"
+    return STIFFNESS if STIFFNESS in problem.table.names else "duty_factor"
 
 
 def stride_times(problem: RunProblem | BodyProblem, genes: Tensor) -> Tensor:

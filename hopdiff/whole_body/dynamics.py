@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
-from hopdiff.numerics import GRAVITY
-from hopdiff.whole_body.layout import FEET, PARENTS
+from hopdiff.numerics import GRAVITY, constant, cross
+from hopdiff.whole_body.layout import COUNT, FEET, PARENTS
 from hopdiff.whole_body.movement import Body, Movement
 
 
@@ -36,28 +37,25 @@ def dynamics(movement: Movement, body: Body) -> Dynamics:
     com = body.carried.com.unsqueeze(1)
     centres, joints = body.centres - com, body.joints - com
     acceleration = grid.derivative(grid.derivative(body.centres))
-    up = acceleration.new_tensor((0.0, GRAVITY, 0.0))[:, None]
+    up = constant((0.0, GRAVITY, 0.0), com.dtype, com.device)[:, None]
     force = movement.shares[:, None, None] * (acceleration + up)
     frames = body.frames
     first = grid.derivative(frames)
     second = grid.derivative(first)
-    spin = torch.einsum("sk,pskim->psim", movement.spread, torch.linalg.cross(frames, second, dim=3))
-    moment = torch.linalg.cross(centres, force, dim=2) + spin
+    spin = cross(movement.spread[:, :, None, None] * frames, second, dim=3).sum(2)
+    moment = cross(centres, force, dim=2) + spin
     ground = body.carried.force
-    pushed = torch.linalg.cross(body.carried.cop - com, ground, dim=2)
-    feet = torch.zeros_like(force)
-    feet[:, FEET] = ground
-    around = torch.zeros_like(moment)
-    around[:, FEET] = pushed
-    below = layout.above.T
-    force = torch.einsum("sd,pdim->psim", below, force - feet)
-    moment = torch.einsum("sd,pdim->psim", below, moment - around)
-    torque = moment - torch.linalg.cross(joints, force, dim=2)
-    omega = 0.5 * torch.linalg.cross(frames, first, dim=3).sum(2)
+    pushed = cross(body.carried.cop - com, ground, dim=2)
+    # The ground acts on the feet.
+    feet = (0, 0, 0, 0, FEET.start, COUNT - FEET.stop)
+    needed = torch.cat((force - functional.pad(ground, feet), moment - functional.pad(pushed, feet)), dim=2)
+    force, moment = (layout.above.T @ needed.flatten(2)).unflatten(2, (6, -1)).split(3, dim=2)
+    torque = moment - cross(joints, force, dim=2)
+    omega = 0.5 * cross(frames, first, dim=3).sum(2)
     holders = list(PARENTS[1:])
     axes = frames[:, holders]
-    own = torch.einsum("pskim,psim->pskm", axes, torque[:, 1:])
-    rate = torch.einsum("pskim,psim->pskm", axes, omega[:, 1:] - omega[:, holders])
+    turned = torch.stack((torque[:, 1:], omega[:, 1:] - omega[:, holders]), dim=1)
+    own, rate = (axes.unsqueeze(1) * turned.unsqueeze(3)).sum(4).unbind(1)
     return Dynamics(own, rate, grid.derivative(own), torque[:, 0])
 
 

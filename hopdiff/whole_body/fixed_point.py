@@ -81,10 +81,12 @@ def fixed_point(
 
     def adjoint(gradient: Tensor) -> Tensor:
         total = gradient if answer is None else gradient @ answer.T
-        for _ in range(adjoint_rounds):
+        before = _Recent()
+        for k in range(adjoint_rounds):
             (pulled,) = torch.autograd.grad(found, seen, total, retain_graph=True)
             left = gradient + pulled - total
-            total = total + (left if answer is None else left @ answer.T)
+            left = left if answer is None else left @ answer.T
+            total = before.next(total, left) if k + 1 < adjoint_rounds else total + left
         return total
 
     solved: Any = found + (guided(step) - step)

@@ -17,6 +17,7 @@ from hopdiff.numerics import (
     chebyshev_interpolate,
     chebyshev_interpolation_numpy,
     chebyshev_nodes,
+    cross,
     differentiation_matrix,
     integration_matrix,
 )
@@ -64,7 +65,8 @@ def _to_fine(nodes: tuple[int, ...], fine: tuple[int, ...], dtype: torch.dtype, 
             for n, f in zip(nodes, fine, strict=True)
         )
     )
-    return found.T.to(device, dtype).contiguous()
+    rows: Tensor = found.T.to(device, dtype).contiguous()
+    return rows
 
 
 @lru_cache(maxsize=64)
@@ -103,12 +105,14 @@ class Grid:
         durations = self.durations
         places, weights = _places(self.nodes, durations.dtype, durations.device)
         own = durations.index_select(1, _owners(self.nodes, durations.device))
+        object.__setattr__(self, "rates", 1.0 / own)
         starts = torch.cumsum(durations, dim=1) - durations
         object.__setattr__(self, "spans", own)
         object.__setattr__(self, "times", starts.index_select(1, _owners(self.nodes, durations.device)) + own * places)
         object.__setattr__(self, "weights", own * weights)
 
     spans: Tensor = None  # type: ignore[assignment]  # (P, M) duration of each node's phase [s]
+    rates: Tensor = None  # type: ignore[assignment]  # (P, M) one over that [1/s]
     times: Tensor = None  # type: ignore[assignment]  # (P, M) since the start of the first phase [s]
     weights: Tensor = None  # type: ignore[assignment]  # (P, M) of the integral over all phases [s]
 
@@ -133,7 +137,12 @@ class Grid:
     def derivative(self, values: Tensor) -> Tensor:
         """Rate (P, ..., M) [1/s]; at the ends of a phase that of its own side."""
         matrix = _derivative(self.nodes, values.dtype, values.device)
-        return (values @ matrix) / self.shaped(self.spans, values)
+        return (values @ matrix) * self.shaped(self.rates, values)
+
+    def turning(self, axes: Tensor, weighed: Tensor) -> Tensor:
+        """(P, 3, M) sum of N vectors (P, N, 3, M) times, as vectors, the rates of N others [1/s]."""
+        moving = weighed @ _derivative(self.nodes, weighed.dtype, weighed.device)
+        return cross(axes, moving, dim=2).sum(1) * self.rates.unsqueeze(1)
 
     def integral(self, values: Tensor) -> Tensor:
         """Running integral (P, ..., M) from the start of the first phase [s]."""
@@ -180,15 +189,23 @@ class Grid:
 class Fine(Grid):
     """More nodes, F in all, for integrals of what is not smooth; see `Grid.fine`."""
 
-    def positive(self, values: Tensor) -> Tensor:
-        """Integral (P, C) of max(values, 0) over smooth curves (P, C, F).
+    def signed(self, values: Tensor, width: float) -> tuple[Tensor, Tensor]:
+        """Integrals (P, C) of the positive and of the negative part of smooth curves (P, C, F), told positive.
 
-        From node to node a curve is taken for a cubic where it keeps its sign, for straight where it changes it: the
-        kink then costs no more than the third power of the distance.
+        A part is rounded over about `width` and 0 at 0: (p + sqrt(p^2 + width^2) - width) / 2. From node to node the
+        root is integrated exactly over a straight line, and what the curve's bend adds where it keeps its sign is put
+        in, so that a kink costs no more than the third power of the distance, however sharp it is.
         """
         gaps, bends = _cells(self.nodes, values.dtype, values.device)
-        above, size = torch.relu(values), values.abs()
-        both = above[..., :-1] + above[..., 1:]
-        share = both / (size[..., :-1] + size[..., 1:] + torch.finfo(values.dtype).tiny)
-        whole = share * (0.5 * gaps * both + values @ bends)
-        return (whole * self.spans[:, None, :-1]).sum(-1)
+        size = torch.sqrt(values**2 + width**2)
+        sizes = size[..., :-1] + size[..., 1:]
+        slope = (values[..., :-1] + values[..., 1:]) / sizes  # of the root over the line, -1 to 1
+        # 2 int sqrt(p^2 + w^2) = p sqrt(p^2 + w^2) + w^2 asinh(p / w), over p_1 - p_0, written so that p_1 = p_0 is
+        # no exception.
+        steep = 0.5 * sizes * (1.0 - slope**2)
+        turn = torch.sqrt((values.diff(dim=-1) * steep / width**2) ** 2 + 1e-12)
+        line = 0.25 * sizes * (1.0 + slope**2) + 0.5 * steep * torch.log(turn + torch.sqrt(turn**2 + 1.0)) / turn
+        whole = gaps * (line - width) + (values @ bends) * slope
+        both = (whole * self.spans[:, None, :-1]).sum(-1)
+        total = (values * self.weights.unsqueeze(1)).sum(-1)
+        return 0.5 * (both + total), 0.5 * (both - total)

@@ -45,7 +45,8 @@ def attitude_frames(angles: Tensor) -> Tensor:
     (cx, cz, cy), (sx, sz, sy) = angles.cos().unbind(-2), angles.sin().unbind(-2)
     zx, zy = sz * cx, sz * sx
     axes = (cy * cz, sz, -sy * cz, sy * sx - cy * zx, cz * cx, sy * zx + cy * sx, cy * zy + sy * cx, -cz * sx)
-    return torch.stack((*axes, cy * cx - sy * zy), dim=-2).unflatten(-2, (3, 3))
+    found: Tensor = torch.stack((*axes, cy * cx - sy * zy), dim=-2).unflatten(-2, (3, 3))
+    return found
 
 
 def limb_frames(turn: Tensor, flexion: Tensor) -> Tensor:
@@ -53,7 +54,8 @@ def limb_frames(turn: Tensor, flexion: Tensor) -> Tensor:
     cz, sz = turn.cos(), turn.sin()
     cx, sx = flexion.cos(), flexion.sin()
     axes = (cz, sz, torch.zeros_like(cx), -sz * cx, cz * cx, -sx, -sz * sx, cz * sx, cx)
-    return torch.stack(axes, dim=-2).unflatten(-2, (3, 3))
+    found: Tensor = torch.stack(axes, dim=-2).unflatten(-2, (3, 3))
+    return found
 
 
 def trunk_frames(angles: Angles) -> Tensor:
@@ -92,7 +94,8 @@ def placed(matrix: Tensor, root: Tensor, frames: Tensor) -> Tensor:
     """(P, N, 3, M) points [m] that hang on the body: `Layout.hanging` or `weighing` (N, 3 S), the root (P, 3, M) middle
     between the hips [m], and the frames (P, S, 3, 3, M)."""
     hung = matrix @ frames.reshape(len(frames), matrix.shape[1], -1)
-    return root.unsqueeze(1) + hung.unflatten(2, (3, -1))
+    found: Tensor = root.unsqueeze(1) + hung.unflatten(2, (3, -1))
+    return found
 
 
 def joint_places(layout: Layout, root: Tensor, frames: Tensor) -> Tensor:

@@ -191,11 +191,6 @@ class Layout:
         arms = self.weighing - self.balance
         return arms.T @ (shares.unsqueeze(-1) * arms) + torch.diag((self.spread / self.masses.sum()).flatten())
 
-    @cached_property
-    def balance_and_turning(self) -> Tensor:
-        """(1 + 3 S, 3 S) both, one above the other."""
-        return torch.cat((self.balance, self.turning))
-
 
 def _toe_tip(skeleton: Skeleton, side: str) -> Tensor:
     return skeleton.offsets[skeleton.index(f"{side}_toe")] + skeleton.end_sites[f"{side}_toe"]

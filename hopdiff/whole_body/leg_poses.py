@@ -11,15 +11,16 @@ from torch.nn import functional
 
 from hopdiff.numerics import differentiation_matrix
 from hopdiff.whole_body.grid import Grid
+from hopdiff.whole_body.places import Places, places_of
 from hopdiff.whole_body.plan import Plan
-from hopdiff.whole_body.support import Carried, Places, Support, places_of
+from hopdiff.whole_body.support import Carried, Support
 from hopdiff.whole_body.swing import ANKLE_MOMENTS, MOMENTS, swing_basis
 
 LONGEST, SOFT = 0.9985, 0.0015  # of the straight leg: how far a leg reaches, and over what it gets there
 SHORTEST = 0.35  # of the straight leg
 SMOOTH = 1  # rates of leg angles that go on through touchdown and take-off by construction: the first
-# In the air thigh, knee and tilt follow curves of their own, and the foot hangs from the shank at the ankle's angle: from
-# thigh, knee, pitch of the foot and tilt to thigh, knee, ankle and tilt, and back.
+# In the air thigh, knee and tilt follow curves of their own, and the foot hangs from the shank at the ankle's angle:
+# from thigh, knee, pitch of the foot and tilt to thigh, knee, ankle and tilt, and back.
 _HUNG = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (-1.0, 1.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 _UNHUNG = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, -1.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -59,8 +60,11 @@ def _order(plan: Plan, dtype: torch.dtype, device: torch.device) -> tuple[Tensor
 
 
 class Swing(NamedTuple):
-    """The flight of one leg. grid: its phases. places: its nodes in the period. whole: (P,) its duration [s]. free: (P, 4, K) what its
-    genes add to thigh, knee, ankle and tilt. ends: (P, 4, 4, K) what value and rate at take-off and at touchdown do."""
+    """The flight of one leg. grid: its phases. places: its nodes in the period. whole: (P,) its duration [s].
+
+    free: (P, 4, K) what its genes add to thigh, knee, ankle and tilt. ends: (P, 4, 4, K) what value and rate at
+    take-off and at touchdown do.
+    """
 
     grid: Grid
     places: Places

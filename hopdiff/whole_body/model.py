@@ -76,9 +76,17 @@ class BodyModel:
         state, moved = movement.solve(rounds, adjoint if with_grad else 0, anchor)
         return movement, movement.body(state), moved
 
-    def gait(self, genes: dict[str, Tensor], speed: Tensor) -> BodyGait:
-        """The endless runs of all candidates, solved to rounding, to be sampled in time."""
+    def exact(
+        self, genes: dict[str, Tensor], speed: Tensor, anchor: Anchor | None = None
+    ) -> tuple[Movement, Body, Tensor]:
+        """As `solved`, but to rounding, and without a gradient."""
         with torch.no_grad():
             movement = self.movement(genes, speed)
-            state, _ = movement.solve(FINAL_ROUNDS)
-            return BodyGait.of(movement, movement.body(state), self.amount > 0.0 and self.lame == "right")
+            state, moved = movement.solve(FINAL_ROUNDS, guide=anchor)
+            return movement, movement.body(state), moved
+
+    def gait(self, genes: dict[str, Tensor], speed: Tensor, anchor: Anchor | None = None) -> BodyGait:
+        """The endless runs of all candidates, solved to rounding, to be sampled in time."""
+        movement, body, _ = self.exact(genes, speed, anchor)
+        with torch.no_grad():
+            return BodyGait.of(movement, body, self.amount > 0.0 and self.lame == "right")

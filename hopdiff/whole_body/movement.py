@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from hopdiff.numerics import constant
+from hopdiff.numerics import constant, cross
 from hopdiff.whole_body.fixed_point import fixed_point
 from hopdiff.whole_body.grid import Grid
 from hopdiff.whole_body.kinematics import Angles, all_frames, arm_frames, joint_places, segment_centres, trunk_frames
@@ -88,7 +88,6 @@ class Movement:
         self.grid = Grid(plan.nodes, durations)
         self.support = Support(layout, plan, self.grid, genes, speed, shares)
         self.shares = layout.masses / layout.masses.sum()
-        self._masses = layout.balance_and_turning
         self.spread = layout.spread / layout.masses.sum()
         self.legs = Legs(self.support)
         turn = (math.pi if plan.mirrored else 2.0 * math.pi) * self.grid.times / self.grid.total.unsqueeze(-1)
@@ -172,9 +171,9 @@ class Movement:
     def _weighed(self, frames: Tensor) -> tuple[Tensor, Tensor]:
         """Centre of mass from the root (P, 3, M) [m] and angular momentum about it (P, 3, M) of a body's frames."""
         axes = frames.flatten(1, 2)
-        found = (self._masses @ axes.flatten(2)).unflatten(2, (3, -1))
-        turning = self.grid.derivative(found[:, 1:])
-        return found[:, 0], torch.linalg.cross(axes, turning, dim=2).sum(1)
+        flat = axes.flatten(2)
+        centre = (self.layout.balance @ flat).unflatten(2, (3, -1))[:, 0]
+        return centre, self.grid.turning(axes, (self.layout.turning @ flat).unflatten(2, (3, -1)))
 
     def round(self, state: Tensor, inverse: Tensor) -> Tensor:
         """The next state. inverse: (P or 1, M, 3, 3) rates of the chest a unit of momentum, see `inverse_inertia`."""
@@ -242,10 +241,10 @@ class Movement:
                 ahead = own + lifted * lift
                 if k == 0:
                     ahead = ahead + PELVIS_FOLLOWS * (waist - body.root.unsqueeze(1))
-                moved = torch.linalg.cross(axis.expand_as(ahead), ahead, dim=2)
-                linear = torch.einsum("s,psim->pim", self.shares[upper], torch.linalg.cross(arms, moved, dim=2))
-                turned = torch.linalg.cross(axis.unsqueeze(1).expand_as(frames), frames, dim=3)
-                around = torch.linalg.cross(frames, turned, dim=3)
+                moved = cross(axis.expand_as(ahead), ahead, dim=2)
+                linear = torch.einsum("s,psim->pim", self.shares[upper], cross(arms, moved, dim=2))
+                turned = cross(axis.unsqueeze(1).expand_as(frames), frames, dim=3)
+                around = cross(frames, turned, dim=3)
                 spin = torch.einsum("s,sk,pskim->pim", share, self.spread[upper], around)
                 columns.append(linear + spin)
             found: Tensor = torch.linalg.inv(torch.stack(columns, dim=-1).permute(0, 2, 1, 3))

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from hopdiff.effort.priced import Priced, softly_positive
+from hopdiff.effort.priced import Priced
 from hopdiff.effort.settings import EffortSettings
 from hopdiff.effort.terms import (
     Asked,
@@ -58,14 +58,19 @@ def values(run: Priced, given: EffortSettings, asked: Asked = NOTHING_ASKED, kne
     return {row.name: float(row.value(run)[0]) for row in rows if row.weight != 0.0}
 
 
-def integral(run: Priced, curve: Tensor) -> float:
-    """Over the period, of a curve (M,) through the nodes, by a fine trapezoid rule."""
+def integral(run: Priced, curve: Tensor, other: Tensor | None = None, sign: float = 0.0) -> float:
+    """Over the period, of a curve (M,) through the nodes, by a fine trapezoid rule; times another one, and of only
+    what has the sign, if told so.
+    """
     grid = run.movement.grid
     total = 0.0
     for phase in range(len(grid.nodes)):
         start, end = float(grid.durations[0, :phase].sum()), float(grid.durations[0, : phase + 1].sum())
         times = torch.linspace(start + 1e-9, end - 1e-9, 4001, dtype=DTYPE)
         fine = grid.sample(curve.reshape(1, 1, -1), times.unsqueeze(0))[0, 0]
+        if other is not None:
+            fine = fine * grid.sample(other.reshape(1, 1, -1), times.unsqueeze(0))[0, 0]
+        fine = (sign * fine).clamp_min(0.0) if sign else fine
         total += float(torch.trapezoid(fine, times))
     return total
 
@@ -82,22 +87,13 @@ def test_means_and_integrals_over_the_way() -> None:
     assert run.leg == pytest.approx(1.75 * 0.531)
 
 
-def test_softly_positive() -> None:
-    x = torch.tensor([0.0, 5.0, -5.0, 0.3], dtype=DTYPE)
-    found = softly_positive(x, 0.1)
-    assert float(found[0]) == 0.0
-    assert float(found[1]) == pytest.approx(4.95, abs=1e-3)
-    assert float(found[2]) == pytest.approx(-0.05, abs=1e-3)
-    torch.testing.assert_close(found - softly_positive(-x, 0.1), x)
-
-
 def test_external_work_is_the_positive_work_on_the_centre_of_mass() -> None:
     run = priced()
     carried, grid = run.body.carried, run.movement.grid
     power = (carried.force.sum(1) * grid.derivative(carried.com)).sum(1)[0]
     wanted = integral(run, power.clamp_min(0.0)) / (GRAVITY * float(run.way[0]))
     assert wanted > 0.05
-    assert float(run.external_work()[0]) == pytest.approx(wanted, rel=0.02)
+    assert float(run.external_work()[0]) == pytest.approx(wanted, rel=0.01)
     # What it gains it loses: braking takes as much.
     assert abs(integral(run, power)) < 1e-5
     torch.testing.assert_close(run.contact_times(), run.movement.grid.durations[:, :1])
@@ -107,11 +103,11 @@ def test_work_is_that_of_all_joints_by_themselves() -> None:
     """Without tendons, ligaments and muscles over two joints: torque times rate, positive and negative apart."""
     run = priced()
     given = settings(positive_work=1.0, negative_work=1.0)
-    power = (run.dynamics.torque * run.dynamics.rate)[0].flatten(0, 1)
+    curves = (run.dynamics.torque[0].flatten(0, 1), run.dynamics.rate[0].flatten(0, 1))
     found = values(run, given)
     way = GRAVITY * float(run.way[0])
     for name, sign in (("positive_work", 1.0), ("negative_work", -1.0)):
-        wanted = sum(float(((sign * row).clamp_min(0.0) * run.weights[0]).sum()) for row in power) / way
+        wanted = sum(integral(run, torque, rate, sign) for torque, rate in zip(*curves, strict=True)) / way
         assert found[name] == pytest.approx(wanted, rel=0.05)
     # Both are the work of one cycle, which comes back.
     assert found["positive_work"] == pytest.approx(found["negative_work"], rel=1e-3)
@@ -121,8 +117,8 @@ def test_muscles_over_two_joints_share_the_power_of_a_leg() -> None:
     run = priced()
     given = settings()
     pull, muscles = muscle_pull(run, given), muscles_of(run, given)
-    apart, half, together = (muscle_power(run, pull, muscles, share)[0] for share in (0.0, 0.5, 1.0))
-    torch.testing.assert_close(apart, (run.dynamics.torque * run.dynamics.rate)[0])
+    apart, half, together = (muscle_power(pull, muscles, share)[0] for share in (0.0, 0.5, 1.0))
+    torch.testing.assert_close(apart, (run.finer(run.dynamics.torque) * run.finer(run.dynamics.rate))[0])
     for side in ("left", "right"):
         rows = [JOINTS.index(f"{side}_{part}") for part in ("thigh", "shank", "foot")]
         mean = apart[rows, 0].mean(0)
@@ -140,14 +136,15 @@ def test_tendons_give_way() -> None:
     run = priced()
     stiff, soft = settings(), settings(tendon={"ankle": 0.5})
     pull = muscle_pull(run, soft)
-    plain, sprung = (muscle_power(run, pull, muscles_of(run, given), 0.0)[0] for given in (stiff, soft))
+    plain, sprung = (muscle_power(pull, muscles_of(run, given), 0.0)[0] for given in (stiff, soft))
     stretch = run.dynamics.torque[0] / (0.5 * GRAVITY * run.leg)
+    given_way = run.finer(run.movement.grid.derivative(stretch.unsqueeze(0)))[0]
     for k, name in enumerate(JOINTS):
         gap = sprung[k] - plain[k]
         if not name.endswith("foot"):
             assert float(gap.abs().max()) == 0.0
             continue
-        wanted = run.dynamics.torque[0, k, 0] * run.movement.grid.derivative(stretch)[k, 0]
+        wanted = run.finer(run.dynamics.torque)[0, k, 0] * given_way[k, 0]
         torch.testing.assert_close(gap[0], wanted)
         assert float(gap[1:].abs().max()) == 0.0
 
@@ -157,22 +154,23 @@ def test_ligaments_hold_the_foot() -> None:
     run = priced()
     given = settings(ankle_stiffness=0.04, ankle_rest_deg=-10.0)
     pull = muscle_pull(run, given)
-    held = run.dynamics.torque - pull.torque
+    held = run.finer(run.dynamics.torque) - pull.torque
     angles, grid = run.body.angles, run.movement.grid
     for k, name in enumerate(JOINTS):
         if not name.endswith("foot"):
-            assert float(held[0, k].abs().max()) == 0.0
+            assert float(held[0, k].abs().max()) < 1e-11
             continue
         side = 0 if name.startswith("left") else 1
         ankle = angles.foot[0, side] - (angles.thigh - angles.knee)[0, side]
         wanted = 0.04 * GRAVITY * run.leg * (ankle + math.radians(10.0))
-        torch.testing.assert_close(held[0, k, 0], wanted, rtol=0.0, atol=1e-12)
-        assert float(held[0, k, 1:].abs().max()) == 0.0
-        rate = (run.dynamics.torque_rate - pull.torque_rate)[0, k, 0]
-        torch.testing.assert_close(rate, grid.derivative(wanted.unsqueeze(0))[0], rtol=0.0, atol=1e-9)
+        torch.testing.assert_close(held[0, k, 0], run.finer(wanted), rtol=0.0, atol=1e-11)
+        assert float(held[0, k, 1:].abs().max()) < 1e-11
+        rate = (run.finer(run.dynamics.torque_rate) - pull.torque_rate)[0, k, 0]
+        torch.testing.assert_close(rate, run.finer(grid.derivative(wanted.unsqueeze(0)))[0], rtol=0.0, atol=1e-8)
         # A positive turn about the axis to the left presses toes down: a spring takes energy when the ankle bends up.
         stored = (0.5 * 0.04 * GRAVITY * run.leg * (ankle + math.radians(10.0)) ** 2).unsqueeze(0)
-        torch.testing.assert_close((held * run.dynamics.rate)[:, k, 0], -grid.derivative(stored), rtol=0.0, atol=0.05)
+        worked = held * run.finer(run.dynamics.rate)
+        torch.testing.assert_close(worked[:, k, 0], -run.finer(grid.derivative(stored)), rtol=0.0, atol=0.05)
 
 
 def test_holding_costs_the_square_of_torque_over_strength() -> None:
@@ -186,9 +184,9 @@ def test_holding_costs_the_square_of_torque_over_strength() -> None:
         ("torque", run.dynamics.torque, 1.0),
         ("torque_rate", run.dynamics.torque_rate, run.pace),
     ):
-        shares = ((what[0] * times / strengths) ** 2).sum(dim=(0, 1))
-        wanted = float((shares * run.weights[0]).sum()) * unit / run.pace / (GRAVITY * float(run.way[0]))
-        assert found[name] == pytest.approx(wanted, rel=1e-9)
+        shares = (what[0] * times / strengths).flatten(0, 1)
+        wanted = sum(integral(run, row, row) for row in shares) * unit / run.pace / (GRAVITY * float(run.way[0]))
+        assert found[name] == pytest.approx(wanted, rel=2e-4)
 
 
 def test_muscles_are_as_strong_as_the_direction_they_pull_in() -> None:
@@ -235,9 +233,9 @@ def test_the_largest_knee_flexion_is_that_of_the_swing() -> None:
     # The left knee swings in the air, and through the mirror image of the right one's.
     air = run.movement.grid.slice(1)
     largest = torch.maximum(run.body.angles.knee[:, 1].amax(-1), run.body.angles.knee[:, 0, air].amax(-1))
-    nodes = len(run.movement.legs.phases[0][0])
-    assert bool((found[:, 0] >= largest).all())
-    assert bool((found[:, 0] <= largest + math.log(nodes) / 30.0).all())
+    # It lies between nodes of the grid.
+    assert bool((found[:, 0] >= largest - 2e-3).all())
+    assert bool((found[:, 0] <= largest + math.radians(0.5)).all())
 
 
 def human(**changed: float) -> EffortSettings:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+PEERS = ("cma", "evotorch", "nevergrad", "pymoo")  # of the extra of that name
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +24,12 @@ MODULES = sorted(
 
 @pytest.mark.parametrize("module", MODULES)
 def test_every_study_finds_what_it_takes_from_the_project(module: str) -> None:
-    importlib.import_module(module)
+    try:
+        importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.split(".")[0] not in PEERS:
+            raise
+        pytest.skip(f"needs the extra peers: {error.name}")
 
 
 def test_reach_measures_judges_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -38,9 +44,12 @@ def test_reach_measures_judges_and_draws(tmp_path: Path, capsys: pytest.CaptureF
     assert (tmp_path / "trends.png").stat().st_size > 10_000
     first = (tmp_path / "results.md").read_text()
     assert "| speed exact to 1e-9 | 2 of 2 | yes |" in first
+    assert "`python -m experiments.reach --speeds 3 --betas .2,.7" in first.splitlines()[0]
+    main(["--redraw", "--out", str(tmp_path)])
+    assert (tmp_path / "results.md").read_text() == first
     (tmp_path / "results.md").unlink()
     main(["--redraw", "--out", str(tmp_path)])
-    assert "| speed exact to 1e-9 | 2 of 2 | yes |" in (tmp_path / "results.md").read_text()
+    assert (tmp_path / "results.md").read_text().splitlines()[1:] == first.splitlines()[1:]
     assert "energy within 2 %" in capsys.readouterr().out
 
 
@@ -60,40 +69,6 @@ def test_reach_names_what_misses_a_bar() -> None:
     assert trend_breaks([good, brisker | {"arm_swing_deg": 20.0}])[1] == [
         "3 m/s: arm_swing_deg from beta 0.2 to 0.7 goes 20 to 20"
     ]
-
-
-@pytest.mark.thorough
-def test_searches_goes_on_where_it_stopped_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from experiments.searches.__main__ import main
-
-    arguments = (
-        f"--speeds 3 --betas .5 --evaluations 250 --repeats 1 --traces {tmp_path}/traces --out {tmp_path}".split()
-    )
-    main([*arguments, "--seeds", "0", "--searches", "random", "gradient:starts=4,screen=20"])
-    assert capsys.readouterr().out.count("seed 0:") == 2
-    main([*arguments, "--seeds", "0-1", "--searches", "random", "gradient:starts=4,screen=20"])
-    shown = capsys.readouterr().out
-    assert "seed 0:" not in shown
-    assert shown.count("seed 1:") == 2
-    assert "gradient:starts=4,screen=20" in (tmp_path / "results.md").read_text()
-    assert (tmp_path / "results_ecdf.png").stat().st_size > 10_000
-    assert (tmp_path / "results_convergence.png").stat().st_size > 10_000
-
-
-def test_expected_running_time_counts_the_failures() -> None:
-    from experiments.searches.analysis import Study, priced
-    from experiments.searches.bench import Case, Point, Trace
-
-    case = Case(3.0, 0.5)
-    luck = Trace("a", case, 0, [Point(100, 0, 1.0, 2.0), Point(200, 50, 2.0, 1.0)])
-    loss = Trace("a", case, 1, [Point(100, 0, 1.0, 3.0), Point(400, 100, 4.0, 1.5)])
-    study = Study([luck, loss])
-    assert study.hit(luck, 0.1, priced(2.0)) == 300
-    assert study.expected_time("a", case, 0.1, priced(2.0)) == 300 + 600
-    assert study.expected_time("a", case, 0.5, priced(1.0)) == (250 + 500) / 2
-    assert math.isinf(study.hit(loss, 0.1, priced(2.0)))
-    assert study.success("a", 0.1) == 0.5
-    assert study.ecdf("a", priced(2.0))[1][-1] == (7 + 1) / 14
 
 
 @pytest.mark.thorough

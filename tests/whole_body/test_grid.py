@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 from numpy.polynomial import Polynomial
@@ -99,3 +101,54 @@ def test_candidates_do_not_mix(which: int) -> None:
     torch.testing.assert_close(
         both.sample(values, times)[which], alone.sample(own, times[which : which + 1])[0], atol=1e-13, rtol=0.0
     )
+
+
+def wave(grid: Grid, order: float) -> Tensor:
+    """(1, 2, M) a wave over the time of a grid, and the same a little higher."""
+    phase = 2.0 * math.pi * order * grid.times / grid.total
+    return torch.stack((torch.sin(phase + 0.3), torch.sin(phase + 0.3) + 0.4), dim=1)
+
+
+@pytest.mark.parametrize("width", [1e-6, 1e-2, 0.5])
+def test_the_two_parts_of_a_curve_are_integrated_past_its_kinks(width: float) -> None:
+    """Against a million even moments, for kinks much sharper than the nodes are dense, and for round ones."""
+    grid = Grid((33, 19), torch.tensor([[0.3, 0.2]], dtype=DTYPE))
+    found = torch.stack(grid.fine.signed(grid.finer(wave(grid, 2.0)), width))[:, 0]
+    times = torch.linspace(0.0, 0.5, 1_000_001, dtype=DTYPE)
+    angle = 2.0 * math.pi * 2.0 * times / 0.5 + 0.3
+    curves = torch.stack((torch.sin(angle), torch.sin(angle) + 0.4))
+    parts = [0.5 * (sign * curves + torch.sqrt(curves**2 + width**2) - width) for sign in (1.0, -1.0)]
+    wanted = torch.stack([torch.trapezoid(part, times) for part in parts])
+    torch.testing.assert_close(found, wanted, rtol=3e-4, atol=3e-6)
+    # A sum over the same nodes is far worse where the kinks are sharp.
+    if width < 1e-3:
+        plain = (grid.fine.weights * grid.finer(wave(grid, 2.0)).clamp_min(0.0)).sum(-1)[0]
+        assert float((plain - wanted[0]).abs().max()) > 3.0 * float((found - wanted).abs().max())
+
+
+def test_kinks_cost_the_third_power_of_the_distance_between_nodes() -> None:
+    errors = []
+    for nodes in ((25, 25), (49, 49)):
+        grid = Grid(nodes, torch.tensor([[0.25, 0.25]], dtype=DTYPE))
+        (positive, _) = grid.fine.signed(grid.finer(wave(grid, 1.7)), 1e-9)
+        times = torch.linspace(0.0, 0.5, 2_000_001, dtype=DTYPE)
+        angle = 2.0 * math.pi * 1.7 * times / 0.5 + 0.3
+        curves = torch.stack((torch.sin(angle), torch.sin(angle) + 0.4)).clamp_min(0.0)
+        errors.append(float((positive[0] - torch.trapezoid(curves, times)).abs().max()))
+    assert errors[1] < errors[0] / 4.0
+
+
+def test_parts_have_gradients_without_jumps() -> None:
+    """Also of a curve that is nothing at all, and of one that just touches nothing."""
+    grid = Grid((17, 9), torch.tensor([[0.3, 0.2]], dtype=DTYPE))
+    rest = torch.zeros(1, 1, grid.fine.size, dtype=DTYPE)
+
+    def gradient(shift: float) -> Tensor:
+        values = (rest + shift).requires_grad_()
+        (found,) = torch.autograd.grad(grid.fine.signed(values, 0.1)[0].sum(), values)
+        return found
+
+    middle = gradient(0.0)
+    assert bool(middle.isfinite().all())
+    torch.testing.assert_close(gradient(1e-6), middle, rtol=0.0, atol=1e-6)
+    torch.testing.assert_close(middle.sum(), 0.5 * grid.total[0], rtol=1e-6, atol=0.0)

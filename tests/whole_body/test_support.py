@@ -8,8 +8,9 @@ import pytest
 import torch
 from torch import Tensor
 
+from hopdiff.whole_body.places import pieces
 from hopdiff.whole_body.plan import HOP, LIMP, RUN, WALK, Plan
-from hopdiff.whole_body.support import Carried, pieces, vertical_force
+from hopdiff.whole_body.support import Carried, vertical_force
 from tests.whole_body.bodies import DTYPE, LIMP_AMOUNT, NAMES, SPEEDS, UP, genes_of, movement_of, solved
 
 GRAVITY = 9.81
