@@ -1,9 +1,7 @@
 # No `from __future__ import annotations`: Hydra reads the types of the settings classes.
-"""What a run is judged by: the terms of the objective and the constraints, one function each.
+"""What a run is judged by: the terms of the objective, one function each; constraints are in `hopdiff.limits`.
 
-`eval`, connectivity gamma and energy rate E_r follow Kang (1999), equations (12) to (14). Constraints are defined
-once, as signed excesses: a population search drops a candidate with a positive one, a gradient sees the smooth
-penalty that starts a little before.
+`eval`, connectivity gamma and energy rate E_r follow Kang (1999), equations (12) to (14).
 """
 
 import math
@@ -18,14 +16,12 @@ from hopdiff.character import Character
 from hopdiff.models.trajectory import JOINT_CHANNELS, LEG_CHANNELS, Trajectory
 from hopdiff.numerics import GRAVITY, safe_sqrt
 from hopdiff.objective import Term
-from hopdiff.types import Status
 
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
 ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
 LEAST_DEMAND = 0.1  # weight of the energy target at beta 0, where it cannot be met, relative to beta >= 0.2
 GAMMAS = ("smooth", "ratio", "printed")
 CALMEST = 0.5  # share of the ordinary target down to which the style follows beta
-JOINT_LIMIT_SCALE = 0.5  # rad beyond its range at which a joint is grossly wrong
 
 
 @dataclass
@@ -108,20 +104,56 @@ def terms_of(settings: CostSettings, ordinary: Calibration, everyday: Tensor, fr
 
     A new term is one more row here; its weight may be `settings.extra.get(NAME, DEFAULT)`, which costs.NAME sets.
     """
-    style = settings.style
+    style, gamma = settings.style, (settings.gamma, settings.gamma_guard)
     lean = math.radians(style.trunk_lean_deg)
     return [
-        _row("eval", 1.0, lambda j: evaluation(j.gamma, j.energy, beta), "paper"),
-        _row("energy_match", settings.energy_match, lambda j: energy_mismatch(j.energy, beta), "energy"),
-        _row("leg_force", settings.leg_force * (1.0 - beta), lambda j: leg_effort(j.trajectory), "effort"),
-        _row("style", style.weight, lambda j: style_mismatch(j.trajectory, ordinary, style, beta), "style"),
-        _row("posture", style.trunk_lean_weight, lambda j: posture_mismatch(j.trajectory, lean), "style"),
-        _row("ordinary", settings.ordinary, lambda j: ((j.genes - everyday) ** 2 * free).mean(-1), "style"),
+        _row("eval", 1.0, lambda j: evaluation(j.gamma, j.energy, beta), "paper", lambda j: eval_roots(j, gamma, beta)),
+        _row(
+            "energy_match",
+            settings.energy_match,
+            lambda j: energy_mismatch(j.energy, beta),
+            "energy",
+            lambda j: (demand(beta) ** 0.5 * energy_miss(j.energy, beta)).unsqueeze(-1),
+        ),
+        _row(
+            "leg_force",
+            settings.leg_force * (1.0 - beta),
+            lambda j: leg_effort(j.trajectory),
+            "effort",
+            lambda j: j.trajectory.leg_force * (j.trajectory.weights / j.trajectory.duration.unsqueeze(-1)).sqrt(),
+        ),
+        _row(
+            "style",
+            style.weight,
+            lambda j: style_mismatch(j.trajectory, ordinary, style, beta),
+            "style",
+            lambda j: torch.stack(style_misses(j.trajectory, ordinary, style, beta), dim=-1),
+        ),
+        _row(
+            "posture",
+            style.trunk_lean_weight,
+            lambda j: posture_mismatch(j.trajectory, lean),
+            "style",
+            lambda j: (mean_lean(j.trajectory) - lean).unsqueeze(-1),
+        ),
+        _row(
+            "ordinary",
+            settings.ordinary,
+            lambda j: ((j.genes - everyday) ** 2 * free).mean(-1),
+            "style",
+            lambda j: (j.genes - everyday) * (free / len(free)).sqrt(),
+        ),
     ]
 
 
-def _row(name: str, weight: float, value: Callable[[Judged], Tensor], put_in: str) -> Term:
-    return Term(name, weight, value, put_in, view="hopper")
+def _row(
+    name: str,
+    weight: float,
+    value: Callable[[Judged], Tensor],
+    put_in: str,
+    residuals: Callable[[Judged], Tensor],
+) -> Term:
+    return Term(name, weight, value, put_in, "hopper", residuals)
 
 
 def connectivity(trajectory: Trajectory, form: str, guard: float) -> Tensor:
@@ -133,13 +165,18 @@ def connectivity(trajectory: Trajectory, form: str, guard: float) -> Tensor:
     rates and without a guard: poles where the smaller rate crosses zero, and rates that turn from minus to plus count
     less than those that turn from plus to minus. Of the two take-offs of a limp it is the mean.
     """
+    change, scale = _jumps(trajectory, form, guard)
+    return (change**2 / scale).sum(-1) * (LEG_CHANNELS / change.shape[-1])
+
+
+def _jumps(trajectory: Trajectory, form: str, guard: float) -> tuple[Tensor, Tensor]:
+    """By how much joint rates change at take-off, and the square of what that is held against."""
     a, b = trajectory.rates_after, trajectory.rates_before
     if form == "printed":
-        terms = (torch.maximum(a, b) / torch.minimum(a, b) - 1.0) ** 2
-        return terms.sum(-1) * (LEG_CHANNELS / a.shape[-1])
+        return torch.maximum(a, b) / torch.minimum(a, b) - 1.0, torch.ones_like(a)
     # max/min - 1 = |a - b| / min for rates of one sign.
     scale = a**2 + b**2 if form == "smooth" else torch.minimum(a**2, b**2)
-    return ((a - b) ** 2 / (scale + guard**2)).sum(-1) * (LEG_CHANNELS / a.shape[-1])
+    return a - b, scale + guard**2
 
 
 def joint_effort(trajectory: Trajectory, character: Character) -> Tensor:
@@ -168,6 +205,20 @@ def evaluation(gamma: Tensor, energy: Tensor, beta: float) -> Tensor:
     return 1.0 - 0.5 / (1.0 + gamma) - 0.5 / (1.0 + miss)
 
 
+def eval_roots(judged: Judged, gamma: tuple[str, float], beta: float) -> Tensor:
+    """(P, R) whose squares sum to `evaluation`. gamma: form and guard of the connectivity."""
+    change, scale = _jumps(judged.trajectory, *gamma)
+    jumps = change / scale.sqrt() * (LEG_CHANNELS / change.shape[-1]) ** 0.5
+    miss = judged.energy - energy_target(beta)
+    return torch.cat(
+        (
+            jumps / (2.0 * (1.0 + judged.gamma)).sqrt().unsqueeze(-1),
+            (miss / (2.0 * (1.0 + miss**2)).sqrt()).unsqueeze(-1),
+        ),
+        dim=-1,
+    )
+
+
 def energy_target(beta: float) -> float:
     """Scaled energy rate that a briskness asks for, beta / (1 - beta)."""
     return beta / (1.0 - beta)
@@ -179,9 +230,18 @@ def energy_mismatch(energy: Tensor, beta: float) -> Tensor:
     Below beta 0.2 the target soon lies under the least that the body needs: it counts less and less, down to a
     pull that makes a calm run thrifty without bending it out of shape.
     """
+    return demand(beta) * energy_miss(energy, beta) ** 2
+
+
+def demand(beta: float) -> float:
+    """How much the energy target counts."""
+    return max(min(energy_target(beta) / ORDINARY_TARGET, 1.0) ** 2, LEAST_DEMAND)
+
+
+def energy_miss(energy: Tensor, beta: float) -> Tensor:
+    """(P,) relative distance from the energy target."""
     target = energy_target(beta)
-    demand = max(min(target / ORDINARY_TARGET, 1.0) ** 2, LEAST_DEMAND)
-    return demand * ((energy - target) / max(target, ORDINARY_TARGET)) ** 2
+    return (energy - target) / max(target, ORDINARY_TARGET)
 
 
 def leg_effort(trajectory: Trajectory) -> Tensor:
@@ -207,23 +267,36 @@ def arm_swing(trajectory: Trajectory) -> Tensor:
 
 def style_mismatch(trajectory: Trajectory, ordinary: Calibration, style: StyleSettings, beta: float) -> Tensor:
     """Squared logarithmic distance from what the briskness asks, summed over the quantities of the style (P,)."""
-    growth = math.log(max(energy_target(beta), CALMEST * ORDINARY_TARGET) / ORDINARY_TARGET)
     total = torch.zeros_like(trajectory.speed)
+    for miss in style_misses(trajectory, ordinary, style, beta):
+        total = total + miss**2
+    return total
+
+
+def style_misses(trajectory: Trajectory, ordinary: Calibration, style: StyleSettings, beta: float) -> list[Tensor]:
+    """(P,) logarithmic distance of each quantity of the style from what the briskness asks."""
+    growth = math.log(max(energy_target(beta), CALMEST * ORDINARY_TARGET) / ORDINARY_TARGET)
+    found = []
     for value, usual, exponent in (
         (trajectory.contact_time, ordinary.contact_time, style.contact_time),
         (trajectory.flight_time, ordinary.flight_time, style.flight_time),
         (com_bounce(trajectory), ordinary.bounce, style.bounce),
         (arm_swing(trajectory), ordinary.arm_swing, style.arm_swing),
     ):
-        total = total + (torch.log(value.clamp_min(1e-4) / max(usual, 1e-4)) - exponent * growth) ** 2
-    return total
+        found.append(torch.log(value.clamp_min(1e-4) / max(usual, 1e-4)) - exponent * growth)
+    return found
 
 
 def posture_mismatch(trajectory: Trajectory, lean: float) -> Tensor:
     """Squared distance of the mean trunk lean from `lean` (P,) [rad^2]."""
+    return (mean_lean(trajectory) - lean) ** 2
+
+
+def mean_lean(trajectory: Trajectory) -> Tensor:
+    """Mean forward lean of the trunk over the step (P,) [rad]."""
     column = [name for name, _, _ in JOINT_CHANNELS].index("trunk_lean")
-    mean = (trajectory.angles[..., column] * trajectory.weights).sum(-1) / trajectory.duration
-    return (mean - lean) ** 2
+    mean: Tensor = (trajectory.angles[..., column] * trajectory.weights).sum(-1) / trajectory.duration
+    return mean
 
 
 def step_time(trajectory: Trajectory) -> Tensor:
@@ -232,63 +305,3 @@ def step_time(trajectory: Trajectory) -> Tensor:
 
 def step_length(trajectory: Trajectory) -> Tensor:
     return trajectory.speed * step_time(trajectory)
-
-
-def excesses(trajectory: Trajectory, character: Character, limits: LimitSettings) -> dict[Status, Tensor]:
-    """How far each constraint is broken (P,), in units in which 1 is gross; negative inside."""
-    columns = {name: i for i, (name, _, _) in enumerate(JOINT_CHANNELS)}
-    used = trajectory.weights > 0
-
-    def largest(values: Tensor) -> Tensor:
-        return values.masked_fill(~used, -torch.inf).amax(-1)
-
-    standing = trajectory.leg_force > 0
-    knee = trajectory.angles[..., columns["left_knee"]]
-    stance_knee = knee.masked_fill(~(standing & used), 0.0).amax(-1)
-    joints = []
-    for kind, channel_names in (
-        ("knee", ("left_knee", "right_knee")),
-        ("shoulder", ("left_shoulder", "right_shoulder")),
-        ("elbow", ("left_elbow", "right_elbow")),
-        ("neck", ("neck_flex",)),
-    ):
-        low, high = character.limits[kind]
-        for name in channel_names:
-            values = trajectory.angles[..., columns[name]]
-            joints += [largest(values - high), largest(low - values)]
-    for side in ("left", "right"):
-        # The pelvis tips forward under the trunk, which folds the hip by as much.
-        values = trajectory.angles[..., columns[f"{side}_thigh"]] + trajectory.pelvis_tilt.unsqueeze(-1)
-        low, high = character.limits["hip"]
-        joints += [largest(values - high), largest(low - values)]
-    waist = trajectory.angles[..., columns["trunk_lean"]] - trajectory.pelvis_tilt.unsqueeze(-1)
-    low, high = character.limits["waist"]
-    joints += [largest(waist - high), largest(low - waist)]
-    lowest = trajectory.foot_height.flatten(1).amin(-1)
-    tolerance = 1e-3 * limits.foot_below_ground_mm
-    return {
-        Status.LEG_OVERREACH: (trajectory.reach - limits.reach) / 0.05,
-        Status.LEG_COLLAPSED: (stance_knee - math.radians(limits.knee_stance_deg)) / 0.5,
-        Status.LEG_FORCE: (largest(trajectory.leg_force) - limits.leg_force_bw) / 2.0,
-        Status.FOOT_UNDERGROUND: (-lowest - tolerance) / (0.05 * character.leg_length),
-        Status.JOINT_LIMIT: torch.stack(joints).amax(0) / JOINT_LIMIT_SCALE,
-        Status.BALANCE_UNSTABLE: (limits.sway_stiffness - trajectory.sway_stiffness) / 0.1,
-        Status.NO_FLIGHT: (limits.flight_time_s - trajectory.flight_time) / 0.02,
-    }
-
-
-def penalty(excess: dict[Status, Tensor], limits: LimitSettings) -> Tensor:
-    """Smooth penalty (P,) that starts `margin` inside every constraint."""
-    stacked = torch.stack(list(excess.values()))
-    return limits.penalty * (torch.relu(stacked + limits.margin) ** 2).sum(0)
-
-
-def status_of(excess: dict[Status, Tensor], solved: Tensor) -> Tensor:
-    """(P,) int64 status: the constraint that is broken worst, STANCE_UNSOLVED first of all."""
-    kinds = list(excess)
-    stacked = torch.stack(list(excess.values()))
-    worst, which = stacked.max(0)
-    codes = torch.tensor([int(k) for k in kinds], device=worst.device)[which]
-    status = torch.where(worst > 0, codes, torch.zeros_like(codes))
-    status = torch.where(torch.isfinite(stacked).all(0), status, torch.full_like(status, int(Status.NOT_FINITE)))
-    return torch.where(solved, status, torch.full_like(status, int(Status.STANCE_UNSOLVED)))

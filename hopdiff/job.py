@@ -128,6 +128,7 @@ def _provenance(job: Job, motion: Motion, result: SearchResult | None) -> dict[s
         "gradient_evaluations": result.gradient_evaluations if result else 0,
         "invalid_fraction": result.invalid_fraction if result else 0.0,
         "wall_seconds": result.seconds if result else 0.0,
+        "stopped": result.stopped if result else "",
         "search": job.search.name if result else "none",
         "model": job.settings["model"]["name"],
         "costs": job.settings["costs"]["name"],

@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor
 
-from hopdiff import costs
+from hopdiff import costs, limits
 from hopdiff.models.gait import stride_motion
 from hopdiff.models.trajectory import Trajectory
 from hopdiff.motion import Motion
@@ -114,5 +114,5 @@ def loop_error(motion: Motion) -> float:
 
 
 def _joint_excess(problem: RunProblem, trajectory: Trajectory) -> float:
-    excess = costs.excesses(trajectory, problem.character, problem.settings.limits)
-    return math.degrees(max(float(excess[Status.JOINT_LIMIT]) * costs.JOINT_LIMIT_SCALE, 0.0))
+    excess = limits.excesses(trajectory, problem.character, problem.settings.limits)
+    return math.degrees(max(float(excess[Status.JOINT_LIMIT]) * limits.JOINT_LIMIT_SCALE, 0.0))

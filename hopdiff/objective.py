@@ -23,6 +23,8 @@ class Term:
     smooth and thesis a `hopdiff.costs.Judged`. It must be differentiable, and finite for every possible run.
     put_in: what kind of thing it puts into runs: "effort", "energy", "human", "style", "paper", or a word of your own.
     view: which of the two it reads: "body" or "hopper".
+    residuals: from the same to (P, ...), whose squares sum to the value but for a constant. They tell a search how the
+    cost bends; without them a term counts as one, its root.
     """
 
     name: str
@@ -30,6 +32,7 @@ class Term:
     value: Callable[[Any], Tensor]
     put_in: str = "own"
     view: str = "body"
+    residuals: Callable[[Any], Tensor] | None = None
 
     def __post_init__(self) -> None:
         if self.view not in VIEWS:
@@ -50,6 +53,20 @@ def priced(terms: Iterable[Term], seen: Any, count: int) -> dict[str, Tensor]:
             shape = tuple(value.shape) if isinstance(value, Tensor) else type(value).__name__
             raise HopdiffError(f"the cost term {term.name!r} must return a tensor of shape ({count},), not {shape}.")
         found[term.name] = term.weight * value
+    return found
+
+
+def residuals_of(terms: Iterable[Term], seen: Any, prices: Mapping[str, Tensor]) -> list[Tensor]:
+    """(P, R) of every term, weighted, so that all their squares sum to the cost but for a constant.
+
+    prices: what `priced` returned for the same candidates. Their gradient at 0 is no number where a term is its root.
+    """
+    found = []
+    for term in terms:
+        if term.residuals is None:
+            found.append(prices[term.name].clamp_min(0.0).sqrt().unsqueeze(-1))
+        else:
+            found.append(math.sqrt(term.weight) * term.residuals(seen).flatten(1))
     return found
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from hopdiff import costs
+from hopdiff import costs, limits
 from hopdiff.character import Character
 from hopdiff.costs import Calibration, CostSettings, Judged
 from hopdiff.doors import TERMS
@@ -19,7 +19,7 @@ from hopdiff.models.gait import Gait, stride_motion
 from hopdiff.models.trajectory import Trajectory
 from hopdiff.motion import Motion
 from hopdiff.numerics import gradient_of_each
-from hopdiff.objective import Term, priced, with_brought
+from hopdiff.objective import Term, priced, residuals_of, with_brought
 from hopdiff.search.base import Eval
 from hopdiff.types import HopdiffError, Status, check_asked
 
@@ -31,6 +31,10 @@ class RunProblem:
     at this speed is not possible (then nothing calibrates the energy unit). given: terms on top of those that the
     settings weigh.
     """
+
+    starts = 1  # descents side by side that a search should begin with: from nearly anywhere they end in one place
+    screen = 64  # points that they are taken from
+    restarts = 1  # descents that must have been in vain before a search is over
 
     def __init__(
         self,
@@ -113,21 +117,27 @@ class RunProblem:
 
     def price(self, genes: Tensor, trajectory: Trajectory) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         """Merit (cost with the constraint penalty) (P,), its terms, and the status (P,)."""
-        s = self.settings
-        gamma = costs.connectivity(trajectory, s.gamma, s.gamma_guard)
+        return self._priced(self._judged(genes, trajectory))[:3]
+
+    def _judged(self, genes: Tensor, trajectory: Trajectory) -> Judged:
+        gamma = costs.connectivity(trajectory, self.settings.gamma, self.settings.gamma_guard)
         raw = costs.energy_rate_raw(trajectory, self.character)
-        energy = raw / self.ordinary.energy_unit
-        judged = Judged(genes, trajectory, gamma, energy)
-        terms = priced(self.terms, judged, len(genes))
-        excess = costs.excesses(trajectory, self.character, s.limits)
+        return Judged(genes, trajectory, gamma, raw / self.ordinary.energy_unit)
+
+    def _priced(self, judged: Judged) -> tuple[Tensor, dict[str, Tensor], Tensor, dict[Status, Tensor]]:
+        """What `price` tells, and how far each constraint is broken."""
+        s, trajectory = self.settings, judged.trajectory
+        terms = priced(self.terms, judged, len(judged.genes))
+        excess = limits.excesses(trajectory, self.character, s.limits)
         if s.limits.penalty > 0:
-            terms["penalty"] = costs.penalty(excess, s.limits)
+            terms["penalty"] = limits.penalty(excess, s.limits)
         merit = torch.stack(list(terms.values())).sum(0)
-        status = costs.status_of(excess, trajectory.solved)
+        status = limits.status_of(excess, trajectory.solved)
         finite = torch.isfinite(merit)
         status = torch.where(finite, status, torch.full_like(status, int(Status.NOT_FINITE)))
-        terms = {"gamma": gamma, "energy": energy, "energy_raw": raw, **terms}
-        return merit, terms, status
+        raw = judged.energy * self.ordinary.energy_unit
+        terms = {"gamma": judged.gamma, "energy": judged.energy, "energy_raw": raw, **terms}
+        return merit, terms, status, excess
 
     def evaluate(self, genes: Tensor, with_grad: bool) -> Eval:
         """Price candidates (P, G) of the unit box; `with_grad` adds the gradient of the merit."""
@@ -135,19 +145,30 @@ class RunProblem:
         if with_grad:
             genes = genes.requires_grad_(True)
         with torch.set_grad_enabled(with_grad):
-            merit, terms, status = self.price(genes, self.trajectory(genes))
-            computable = torch.isfinite(merit) & (status != int(Status.STANCE_UNSOLVED))
-            if self.settings.limits.penalty == 0:
-                # Without a penalty nothing leads back from what is impossible: it is removed for gradients too.
-                computable = status == int(Status.OK)
-            gradient = None
-            if with_grad:
-                gradient, _ = gradient_of_each(merit[computable], genes)
-        merit = merit.detach()
-        infinite = torch.full_like(merit, torch.inf)
-        merit = torch.where(computable, merit, infinite)
-        cost = torch.where(status == int(Status.OK), merit, infinite)
-        return Eval(cost, gradient, merit, {k: v.detach() for k, v in terms.items()}, status)
+            judged = self._judged(genes, self.trajectory(genes))
+            merit, terms, status, _ = self._priced(judged)
+            gradient = gradient_of_each(torch.where(torch.isfinite(merit), merit, 0.0), genes)[0] if with_grad else None
+        return self._told(merit.detach(), {k: v.detach() for k, v in terms.items()}, status, gradient)
+
+    def residuals(self, genes: Tensor) -> Eval:
+        """The same without gradient, but with residuals: of the terms one after the other, and of the penalty."""
+        with torch.no_grad():
+            judged = self._judged(genes, self.trajectory(genes))
+            merit, terms, status, excess = self._priced(judged)
+            roots = [*residuals_of(self.terms, judged, terms), limits.penalty_roots(excess, self.settings.limits)]
+        return self._told(merit, terms, status)._replace(residuals=torch.cat(roots, dim=-1))
+
+    def _told(self, merit: Tensor, terms: dict[str, Tensor], status: Tensor, gradient: Tensor | None = None) -> Eval:
+        """A candidate whose stance is not solved has no merit; one that breaks a constraint has no cost."""
+        computable = torch.isfinite(merit) & (status != int(Status.STANCE_UNSOLVED))
+        if self.settings.limits.penalty == 0:
+            # Without a penalty nothing leads back from what is impossible: it is removed for gradients too.
+            computable = status == int(Status.OK)
+        merit = torch.where(computable, merit, torch.inf)
+        cost = torch.where(status == int(Status.OK), merit, torch.inf)
+        if gradient is not None:
+            gradient = torch.where(computable.unsqueeze(-1), gradient, 0.0)
+        return Eval(cost, gradient, merit, terms, status)
 
     def gait(self, genes: Tensor) -> Gait:
         """The endless runs of candidates (P, G) of the unit box, to be sampled in time."""

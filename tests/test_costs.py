@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from hopdiff import costs
+from hopdiff import costs, limits
 from hopdiff.costs import Calibration, StyleSettings
 from hopdiff.models.thesis import ThesisModel
 from hopdiff.models.trajectory import JOINT_CHANNELS, Trajectory
@@ -224,7 +224,7 @@ ARMS = column(*("shoulder" in name for name, _, _ in JOINT_CHANNELS))
 )
 def test_every_broken_constraint_has_its_status(status: Status, change: dict[str, Tensor]) -> None:
     def judge(t: Trajectory) -> int:
-        return int(costs.status_of(costs.excesses(t, make_character(), LIMITS), t.solved))
+        return int(limits.status_of(limits.excesses(t, make_character(), LIMITS), t.solved))
 
     assert judge(ordinary()) == Status.OK
     assert judge(ordinary()._replace(**change)) == status
@@ -236,12 +236,12 @@ def test_a_folded_stance_leg_collapses() -> None:
     knee = [name for name, _, _ in JOINT_CHANNELS].index("left_knee")
     angles[..., knee] = torch.where(ordinary().leg_force > 0, math.radians(120.0), angles[..., knee])
     t = ordinary()._replace(angles=angles)
-    assert costs.excesses(t, make_character(), LIMITS)[Status.LEG_COLLAPSED] > 0
+    assert limits.excesses(t, make_character(), LIMITS)[Status.LEG_COLLAPSED] > 0
 
 
 def test_penalty_starts_inside_the_constraint_and_is_smooth() -> None:
     def price(excess: float) -> float:
-        return float(costs.penalty({Status.LEG_FORCE: column(excess)}, LIMITS))
+        return float(limits.penalty({Status.LEG_FORCE: column(excess)}, LIMITS))
 
     assert price(-LIMITS.margin - 1e-6) == 0.0
     assert price(0.0) == pytest.approx(LIMITS.penalty * LIMITS.margin**2)
@@ -324,7 +324,7 @@ def test_moments_that_are_not_used_say_nothing() -> None:
         com_height=torch.cat((t.com_height, torch.full_like(t.com_height[:, :1], 99.0)), dim=-1),
     )
     assert float(costs.com_bounce(spoiled)) == float(costs.com_bounce(t))
-    plain, other = (costs.excesses(x, make_character(), LIMITS) for x in (t, spoiled))
+    plain, other = (limits.excesses(x, make_character(), LIMITS) for x in (t, spoiled))
     for status, value in plain.items():
         assert float(other[status]) == float(value), status
 
@@ -344,7 +344,7 @@ UNITS = {
 
 @pytest.mark.parametrize("status", list(UNITS))
 def test_an_excess_of_one_is_gross(status: Status) -> None:
-    found = costs.excesses(ordinary()._replace(**UNITS[status]), make_character(), LIMITS)
+    found = limits.excesses(ordinary()._replace(**UNITS[status]), make_character(), LIMITS)
     assert float(found[status]) == pytest.approx(1.0, rel=1e-6)
 
 
@@ -352,7 +352,7 @@ def test_one_foot_below_the_ground_is_enough() -> None:
     for side in (0, 1):
         feet = ordinary().foot_height.abs()
         feet[0, 5, side] = -0.03
-        found = costs.excesses(ordinary()._replace(foot_height=feet), make_character(), LIMITS)
+        found = limits.excesses(ordinary()._replace(foot_height=feet), make_character(), LIMITS)
         wanted = (0.03 - 0.0005) / (0.05 * make_character().leg_length)
         assert float(found[Status.FOOT_UNDERGROUND]) == pytest.approx(wanted, rel=1e-9)
 
@@ -363,7 +363,7 @@ def test_a_knee_that_folds_in_the_air_does_not_collapse() -> None:
     for standing, wanted in ((True, 1.0), (False, -2.0 * bend)):
         angles = torch.zeros_like(ordinary().angles)
         angles[..., knee] = torch.where((ordinary().leg_force > 0) == standing, bend + 0.5, 0.0)
-        found = costs.excesses(ordinary()._replace(angles=angles), make_character(), LIMITS)
+        found = limits.excesses(ordinary()._replace(angles=angles), make_character(), LIMITS)
         assert float(found[Status.LEG_COLLAPSED]) == pytest.approx(wanted, rel=1e-6)
 
 
@@ -387,20 +387,20 @@ def test_every_joint_is_held_in_its_own_range(name: str, kind: str) -> None:
             angles = middle.clone()
             angles[0, 7, names.index(name)] = beyond
             t = ordinary()._replace(angles=angles, pelvis_tilt=column(tilt))
-            found = costs.excesses(t, body, LIMITS)[Status.JOINT_LIMIT]
+            found = limits.excesses(t, body, LIMITS)[Status.JOINT_LIMIT]
             assert float(found) == pytest.approx(0.3 / 0.5, rel=1e-9)
 
 
 def test_the_worst_constraint_names_the_failure() -> None:
     excess = {Status.LEG_FORCE: column(0.1, 0.3, -0.1), Status.NO_FLIGHT: column(0.2, 0.1, 0.0)}
     solved = torch.tensor([True, True, True])
-    assert costs.status_of(excess, solved).tolist() == [Status.NO_FLIGHT, Status.LEG_FORCE, Status.OK]
+    assert limits.status_of(excess, solved).tolist() == [Status.NO_FLIGHT, Status.LEG_FORCE, Status.OK]
 
 
 def test_penalties_add_up_over_constraints() -> None:
     excess = {Status.LEG_FORCE: column(0.3), Status.NO_FLIGHT: column(0.5), Status.LEG_OVERREACH: column(-1.0)}
-    limits = replace(cost_settings().limits, penalty=3.0, margin=0.1)
-    assert float(costs.penalty(excess, limits)) == pytest.approx(3.0 * (0.4**2 + 0.6**2))
+    own = replace(cost_settings().limits, penalty=3.0, margin=0.1)
+    assert float(limits.penalty(excess, own)) == pytest.approx(3.0 * (0.4**2 + 0.6**2))
 
 
 def test_connectivity_of_a_limp_is_the_mean_of_its_two_take_offs() -> None:

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from hopdiff import costs
+from hopdiff import costs, limits
 from hopdiff.composing import compose
 from hopdiff.config import build_job
 from hopdiff.models.gait import stride_time
@@ -160,7 +160,7 @@ def test_the_merit_is_the_sum_of_its_terms(beta: float) -> None:
         "style": s.style.weight * costs.style_mismatch(t, p.ordinary, s.style, beta),
         "posture": s.style.trunk_lean_weight * costs.posture_mismatch(t, lean),
         "ordinary": s.ordinary * away,
-        "penalty": costs.penalty(costs.excesses(t, p.character, s.limits), s.limits),
+        "penalty": limits.penalty(limits.excesses(t, p.character, s.limits), s.limits),
     }
     for name, value in wanted.items():
         assert float(value.abs().max()) > 0.0, name

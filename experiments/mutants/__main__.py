@@ -42,7 +42,7 @@ PARTS = {
     "physics": _package("physics", "tests/models"),
     "models": _package("models"),
     "costs": Part(
-        ("hopdiff/costs.py", "hopdiff/problem.py", "hopdiff/metrics.py"),
+        ("hopdiff/costs.py", "hopdiff/limits.py", "hopdiff/problem.py", "hopdiff/metrics.py"),
         ("tests/test_costs.py", "tests/test_problem.py", "tests/test_metrics.py"),
     ),
     "search": _package("search"),

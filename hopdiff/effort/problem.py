@@ -14,12 +14,13 @@ from hopdiff.character import Character
 from hopdiff.doors import TERMS
 from hopdiff.effort.limits import Excess, excesses, penalty, status_of
 from hopdiff.effort.priced import Priced
+from hopdiff.effort.residuals import penalty_residuals, with_residuals
 from hopdiff.effort.settings import EffortSettings
 from hopdiff.effort.terms import ORDINARY_BETA, Asked, Muscles, energy_rate, energy_ratio, terms_of
 from hopdiff.genes import GeneTable, at_froude, froude_speed
 from hopdiff.motion import Motion
 from hopdiff.numerics import GRAVITY, gradient_of_each
-from hopdiff.objective import Term, priced, with_brought
+from hopdiff.objective import Term, priced, residuals_of, with_brought
 from hopdiff.search.base import Eval
 from hopdiff.search.gradient import Gradient
 from hopdiff.search.loop import Budget, run_search
@@ -54,8 +55,9 @@ class BodyProblem:
     or no run of least cost is found. given: terms on top of those that the settings weigh.
     """
 
-    starts = 3  # descents side by side that a search should begin with
+    starts = 2  # descents side by side that a search should begin with
     screen = 18  # points that they are taken from
+    restarts = 1  # descents that must have been in vain before a search is over
 
     def __init__(
         self,
@@ -86,7 +88,8 @@ class BodyProblem:
         asked = Asked(energy_ratio(beta, settings.scale), None, None)
         if self.least is not None:
             asked = asked._replace(external_work=self.least.external_work, contact_time=self.least.contact_time)
-        rows = terms_of(settings, self.muscles, self.pace, asked, self.swing_knee)
+        given_to = (settings, self.muscles, self.pace, asked, self.swing_knee)
+        rows = with_residuals(terms_of(*given_to), *given_to)
         brought = [TERMS.load(name) for name in settings.extra if name in TERMS.brought]
         rows = with_brought(rows, brought, settings.extra, "body", given, vars(settings))
         self.terms = [row for row in rows if row.weight != 0.0]
@@ -136,7 +139,7 @@ class BodyProblem:
         )
         if key not in _found:
             plain = BodyProblem(self.character, table, self.model, self.settings, self.speed, ORDINARY_BETA, self.given)
-            search = Gradient(starts=self.starts, screen=self.screen, tolerance=2e-5, patience=8)
+            search = Gradient(tolerance=2e-5)
             try:
                 result = run_search(plain, search, Budget(LEAST_BUDGET), torch.Generator().manual_seed(0))
             except HopdiffError as error:
@@ -171,8 +174,10 @@ class BodyProblem:
 
     def price(self, run: Priced) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         """Merit (P,), its terms with their weights, and the status (P,)."""
+        return self._priced(run, excesses(run, self.settings.limits))
+
+    def _priced(self, run: Priced, over: list[Excess]) -> tuple[Tensor, dict[str, Tensor], Tensor]:
         terms = priced(self.terms, run, len(run.moved))
-        over: list[Excess] = excesses(run, self.settings.limits)
         terms["penalty"] = self.settings.limits.weight * penalty(over)
         merit = torch.stack(list(terms.values())).sum(0)
         status = status_of(over, run.moved)
@@ -181,13 +186,11 @@ class BodyProblem:
 
     def evaluate(self, genes: Tensor, with_grad: bool) -> Eval:
         """Price candidates (P, G) of the unit box; `with_grad` adds the gradient of the merit."""
-        parts = [self._evaluated(part, with_grad) for part in genes.detach().split(CHUNK)]
-        if len(parts) == 1:
-            return parts[0]
-        joined = {name: torch.cat([part.terms[name] for part in parts]) for name in parts[0].terms}
-        grads = [part.grad for part in parts if part.grad is not None]
-        cost, merit, status = (torch.cat([getattr(p, n) for p in parts]) for n in ("cost", "merit", "status"))
-        return Eval(cost, torch.cat(grads) if grads else None, merit, joined, status)
+        return _joined([self._evaluated(part, with_grad) for part in genes.detach().split(CHUNK)])
+
+    def residuals(self, genes: Tensor) -> Eval:
+        """The same without gradient, but with residuals: of the terms one after the other, and of the penalty."""
+        return _joined([self._with_residuals(part) for part in genes.detach().split(CHUNK)])
 
     def _evaluated(self, genes: Tensor, with_grad: bool) -> Eval:
         if with_grad:
@@ -200,9 +203,17 @@ class BodyProblem:
             if with_grad:
                 gradient, sound = gradient_of_each(torch.where(computable, merit, 0.0), genes)
                 computable = computable & sound
-        merit = torch.where(computable, merit.detach(), torch.inf)
-        cost = torch.where(status == int(Status.OK), merit, torch.inf)
-        return Eval(cost, gradient, merit, {k: v.detach() for k, v in terms.items()}, status)
+        return _told(merit, computable, {k: v.detach() for k, v in terms.items()}, status, gradient)
+
+    def _with_residuals(self, genes: Tensor) -> Eval:
+        with torch.no_grad():
+            run = self.run(genes, with_grad=False)
+            over = excesses(run, self.settings.limits)
+            merit, terms, status = self._priced(run, over)
+            penalties = math.sqrt(self.settings.limits.weight) * penalty_residuals(over)
+            residuals = torch.cat([*residuals_of(self.terms, run, terms), penalties], dim=-1)
+        found = _told(merit, torch.isfinite(merit) & (run.moved < LOST), terms, status)
+        return found._replace(residuals=residuals)
 
     def gait(self, genes: Tensor) -> BodyGait:
         """The endless runs of candidates (P, G) of the unit box, to be sampled in time."""
@@ -220,6 +231,31 @@ class BodyProblem:
             return settings
         least = {"external_work": self.least.external_work, "contact_time": self.least.contact_time}
         return {**settings, "least": least}
+
+
+def _told(
+    merit: Tensor, computable: Tensor, terms: dict[str, Tensor], status: Tensor, gradient: Tensor | None = None
+) -> Eval:
+    merit = torch.where(computable, merit.detach(), torch.inf)
+    cost = torch.where(status == int(Status.OK), merit, torch.inf)
+    return Eval(cost, gradient, merit, terms, status)
+
+
+def _joined(parts: list[Eval]) -> Eval:
+    """The evaluations of all parts of a population, one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    terms = {name: torch.cat([part.terms[name] for part in parts]) for name in parts[0].terms}
+    cost, merit, status = (torch.cat([getattr(p, n) for p in parts]) for n in ("cost", "merit", "status"))
+    grads, residuals = ([x for p in parts if (x := getattr(p, n)) is not None] for n in ("grad", "residuals"))
+    return Eval(
+        cost,
+        torch.cat(grads) if grads else None,
+        merit,
+        terms,
+        status,
+        torch.cat(residuals) if residuals else None,
+    )
 
 
 def _check(settings: EffortSettings) -> None:

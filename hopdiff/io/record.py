@@ -29,7 +29,7 @@ LIBRARIES = (
     "matplotlib",
     "tensorboard",
     "pillow",
-    "cmaes",
+    "cma",
     "scipy",
     "svgelements",
     "shapely",

@@ -50,9 +50,11 @@ class Adam(NamedTuple):
         square = torch.where(good[:, None], keep_square * self.square + (1 - keep_square) * gradient**2, self.square)
         scale = torch.where(good, self.scale, 0.5 * self.scale)
         last = torch.where(good[:, None], x, self.last)
-        rate = self.rate * scale * 0.5 * (1 + torch.cos(math.pi * age.clamp(max=self.steps) / self.steps))
-        unbiased = mean / (1 - keep ** age[:, None].clamp(min=1))
-        spread = (square / (1 - keep_square ** age[:, None].clamp(min=1))).sqrt()
+        passed = age.to(x.dtype)  # quotients and powers of whole numbers would be of single precision
+        rate = self.rate * scale * 0.5 * (1 + torch.cos(math.pi * passed.clamp(max=self.steps) / self.steps))
+        steps = passed[:, None].clamp(min=1)
+        unbiased = mean / (1 - keep**steps)
+        spread = (square / (1 - keep_square**steps)).sqrt()
         step = rate[:, None] * unbiased / (spread + torch.finfo(x.dtype).tiny)
         return self._replace(
             x=(last - step).clamp(0.0, 1.0),

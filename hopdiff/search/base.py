@@ -24,6 +24,7 @@ class Eval(NamedTuple):
         all constraints, with penalties added near and beyond them; +inf where nothing can be computed.
     terms: named parts of the cost, each (P,), for the history (at least "gamma" and "energy").
     status: (P,) int64, a `hopdiff.types.Status`.
+    residuals: (P, R) whose squares sum to `merit`, about and but for a constant, or None if not asked for.
     """
 
     cost: Tensor
@@ -31,6 +32,16 @@ class Eval(NamedTuple):
     merit: Tensor
     terms: dict[str, Tensor]
     status: Tensor
+    residuals: Tensor | None = None
+
+
+class Asked(NamedTuple):
+    """What a search wants to know: genes (P, G) of the unit box, and what of them besides cost and merit. A plain pair
+    (genes, with_grad) says the same without residuals; gradient and residuals are not to be had at once."""
+
+    genes: Tensor
+    with_grad: bool = False
+    with_residuals: bool = False
 
 
 @runtime_checkable
@@ -38,8 +49,12 @@ class Problem(Protocol):
     """Anything that prices points of the unit box [0, 1]^G.
 
     It may have attributes: `start` (G,), the point that it would try first; `spread`, how far from there searches
-    begin, in box widths (without it they begin anywhere in the box); `starts` and `screen`, how many descents, and
-    points to take them from, suit it.
+    begin, in box widths (without it they begin anywhere in the box); `starts`, `screen` and `restarts`, which settings
+    of the search `gradient` suit it.
+
+    A problem whose merit is a sum of squares may have a method `residuals(genes) -> Eval`: what `evaluate` returns
+    without gradient, with `Eval.residuals`. Their number R may be any, but the same for every candidate. A sum of
+    squares tells its curvature: with it descents take a fraction of the steps (`hopdiff.search.lm`).
     """
 
     @property
@@ -59,8 +74,13 @@ class Problem(Protocol):
 class Search(Protocol):
     """State in, state out: a search object holds settings only, never progress.
 
-    ask returns (P, G) genes in [0, 1] and whether their gradient is wanted; P may change from call to call.
-    tell takes exactly what ask returned. All randomness comes from the generator.
+    ask returns (P, G) genes in [0, 1] and whether their gradient is wanted, as a pair or as `Asked`; P may change from
+    call to call. tell takes exactly what ask returned. All randomness comes from the generator.
+
+    A search may have, besides:
+    finished(state) -> bool: whether it has nothing more to gain; the loop then ends before the budget does.
+    signals(state) -> Tensor (n,) and steered(state, list of n floats) -> state: what it must know on the host before
+    it can ask again. The loop reads them with its own numbers in one transfer; a state that was not steered is one too.
     """
 
     @property
@@ -68,7 +88,7 @@ class Search(Protocol):
 
     def init(self, problem: Problem, generator: torch.Generator) -> Any: ...
 
-    def ask(self, state: Any, generator: torch.Generator) -> tuple[Tensor, bool]: ...
+    def ask(self, state: Any, generator: torch.Generator) -> tuple[Tensor, bool] | Asked: ...
 
     def tell(self, state: Any, genes: Tensor, result: Eval, generator: torch.Generator) -> Any: ...
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,12 +15,19 @@ from hopdiff.search.settings import require
 
 
 class Population(NamedTuple):
-    """The valid individuals, best first. genes: (n, G). cost: (n,). generation: bred so far."""
+    """The valid individuals, best first. genes: (n, G). cost: (n,). generation: bred so far.
+
+    best: lowest cost that counted as progress; idle: generations since. signals: what the host has not read yet; until
+    then invalid individuals stand at the end.
+    """
 
     box: Box
     genes: Tensor
     cost: Tensor
     generation: int
+    best: float = math.inf
+    idle: int = 0
+    signals: Tensor | None = None
 
     @classmethod
     def empty(cls, box: Box) -> Population:
@@ -27,11 +35,16 @@ class Population(NamedTuple):
         return cls(box, genes, genes.sum(-1), 0)
 
     def joined(self, genes: Tensor, cost: Tensor) -> Population:
-        """With the valid ones of `genes` (P, G), `cost` (P,) sorted in."""
-        valid = cost.isfinite()
-        genes, cost = torch.cat([self.genes, genes[valid]]), torch.cat([self.cost, cost[valid]])
+        """With genes (P, G) of cost (P,) sorted in, not yet without the invalid ones."""
+        genes, cost = torch.cat([self.genes, genes]), torch.cat([self.cost, cost])
         order = torch.argsort(cost, stable=True)
-        return self._replace(genes=genes[order], cost=cost[order])
+        signals = torch.stack((cost.isfinite().sum().to(cost.dtype), cost.amin()))
+        return self._replace(genes=genes[order], cost=cost[order], signals=signals)
+
+    def possible(self, signals: list[float]) -> Population:
+        """Without the invalid ones, now that the host knows how many are valid."""
+        valid = int(signals[0])
+        return self._replace(genes=self.genes[:valid], cost=self.cost[:valid], signals=None)
 
 
 @dataclass(frozen=True)
@@ -43,7 +56,8 @@ class GA:
     crossover: share of children with two parents. blend: share of those whose genes are mixed by interpolation,
     the others take each gene from either parent. stretch: how far beyond its parents a mixed gene may lie.
     mutation: chance of each gene. sigma: its standard deviation, in box widths; sigma_decay: factor a generation;
-    sigma_floor: where the decay ends.
+    sigma_floor: where the decay ends. patience: generations in which the best cost falls by less than `gain` of itself
+    before the search is over.
     """
 
     name: str = "ga"
@@ -57,6 +71,8 @@ class GA:
     sigma: float = 0.2
     sigma_decay: float = 0.96
     sigma_floor: float = 0.01
+    patience: int = 40
+    gain: float = 1e-3
 
     def __post_init__(self) -> None:
         require("population", self.population, 2)
@@ -65,6 +81,8 @@ class GA:
         require("stretch", self.stretch, 0)
         require("sigma", self.sigma, 0)
         require("sigma_floor", self.sigma_floor, 0)
+        require("patience", self.patience, 1)
+        require("gain", self.gain, 0, 1)
         for share in ("crossover", "blend", "mutation", "sigma_decay"):
             require(share, getattr(self, share), 0, 1)
 
@@ -72,17 +90,37 @@ class GA:
         return Population.empty(Box.of(problem))
 
     def ask(self, state: Population, generator: torch.Generator) -> tuple[Tensor, bool]:
+        state = self._read(state)
         if state.generation == 0:
             return state.box.first(self.population, generator), False
         return self.breed(state, self.population - self.elites, generator), False
 
     def tell(self, state: Population, genes: Tensor, result: Eval, generator: torch.Generator) -> Population:
+        state = self._read(state)
         kept = len(state.genes) if state.generation == 0 else self.elites
-        grown = state._replace(genes=state.genes[:kept], cost=state.cost[:kept]).joined(genes, result.cost)
-        enough = len(grown.genes) >= max(2, self.population // 10)
-        if state.generation == 0 and not enough:
+        return state._replace(genes=state.genes[:kept], cost=state.cost[:kept]).joined(genes, result.cost)
+
+    def finished(self, state: Population) -> bool:
+        return self._read(state).idle >= self.patience
+
+    def signals(self, state: Population) -> Tensor | None:
+        return state.signals
+
+    def steered(self, state: Population, signals: list[float]) -> Population:
+        """The population without the invalid ones, one generation on."""
+        grown, best = state.possible(signals), signals[1]
+        valid = len(grown.genes)
+        if state.generation == 0 and valid < max(2, self.population // 10):
             return grown
-        return grown._replace(generation=state.generation + 1 if len(grown.genes) else 0)
+        progress = valid > 0 and not best >= state.best - self.gain * abs(state.best)
+        return grown._replace(
+            generation=state.generation + 1 if valid else 0,
+            best=best if progress else state.best,
+            idle=0 if progress else state.idle + 1,
+        )
+
+    def _read(self, state: Population) -> Population:
+        return state if state.signals is None else self.steered(state, state.signals.tolist())
 
     def breed(self, parents: Population, count: int, generator: torch.Generator) -> Tensor:
         """(count, G) children of a population that is not empty."""

@@ -42,12 +42,19 @@ class GAThesis:
         return Population.empty(Box.of(problem))
 
     def ask(self, state: Population, generator: torch.Generator) -> tuple[Tensor, bool]:
+        state = state if state.signals is None else self.steered(state, state.signals.tolist())
         if len(state.genes) < 2:
             return state.box.uniform(self.population, generator), False
         return self._bred(state, generator), False
 
     def tell(self, state: Population, genes: Tensor, result: Eval, generator: torch.Generator) -> Population:
         return Population.empty(state.box).joined(genes, result.cost)._replace(generation=state.generation + 1)
+
+    def signals(self, state: Population) -> Tensor | None:
+        return state.signals
+
+    def steered(self, state: Population, signals: list[float]) -> Population:
+        return state.possible(signals)
 
     def _bred(self, parents: Population, generator: torch.Generator) -> Tensor:
         """(population, G) children of two possible parents or more."""

@@ -1,67 +1,84 @@
-"""A genetic algorithm outside, quasi-Newton descent of its best inside."""
+"""A genetic algorithm outside, descents of its best inside."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from hopdiff.search.base import Eval, Problem
-from hopdiff.search.bfgs import Bfgs
-from hopdiff.search.descent import joined, taken
+from hopdiff.search.base import Asked, Eval, Problem
 from hopdiff.search.ga import GA, Population
+from hopdiff.search.gradient import Gradient
+from hopdiff.search.pack import Pack, Rows, kind_of
 from hopdiff.search.settings import require
+from hopdiff.types import HopdiffError
 
 TO_THE_END = 1 << 30
+CROWD = 8  # individuals that one who descends is chosen from
 
 
 class Climbers(NamedTuple):
-    """k individuals on their way down. origin: (k, G) their genes in the population. cost: (k,) at descent.x."""
+    """k individuals on their way down. origin: (k, G) their genes in the population. cost: (k,) where they are."""
 
-    descent: Bfgs
+    pack: Pack
     origin: Tensor
     cost: Tensor
 
-    def take(self, index: Tensor) -> Climbers:
-        return Climbers(taken(self.descent, index), self.origin[index], self.cost[index])
+    def take(self, rows: list[int]) -> Climbers:
+        index = torch.tensor(rows, dtype=torch.int64, device=self.origin.device)
+        return Climbers(self.pack.take(rows), self.origin[index], self.cost[index])
+
+    def joined(self, descent: Rows, cost: Tensor) -> Climbers:
+        """With more that begin, descent.x being their genes in the population."""
+        return Climbers(self.pack.joined(descent), torch.cat((self.origin, descent.x)), torch.cat((self.cost, cost)))
 
 
 class Brood(NamedTuple):
-    """people: the population. climbers: those of them that descend. settled: (m, G) where descents have ended.
-    steps: that the climbers still take before the next generation."""
+    """people: the population. climbers: those of them that descend. kind: by which method. settled: (m, G) where
+    descents have ended. steps: that the climbers still take before the next generation. over: whether there is nothing
+    more to gain. signals: what the host has not read yet.
+    """
 
     people: Population
     climbers: Climbers
+    kind: str
     settled: Tensor
     steps: int
+    over: bool
+    signals: Tensor | None
 
 
 @dataclass(frozen=True)
 class Hybrid:
-    """Every generation is followed by a few quasi-Newton steps of its best individuals, which remember the curvature
-    they met for as long as they stay among the best. After the last generation the best few descend to their end,
-    and all starts again from a new population, which leaves alone what has been searched.
+    """Every generation is followed by a few steps down of its best individuals, which remember the curvature they met
+    for as long as they stay among the best. After the last generation the best few descend to their end, those that
+    fall behind given up on the way. Then all starts again from a new population, which leaves alone what has been
+    searched, until `restarts` descents in a row found nothing better.
 
     generations: before the descent to the end. climbers: individuals that descend. steps: a generation.
     refine: how many descend to the end. apart: least distance between two of them, root mean square in box widths.
     write_back: whether an individual takes over the genes it has reached (Lamarck) or only their cost (Baldwin).
-    reach, tolerance, patience: as in `Gradient`; all others as in `GA`.
+    restarts, gain, method, reach, tolerance, patience: as in `Gradient`, without Adam; all others as in `GA`.
     """
 
     name: str = "hybrid"
-    generations: int = 8
-    climbers: int = 8
-    steps: int = 2
-    refine: int = 8
+    generations: int = 3
+    climbers: int = 1
+    steps: int = 3
+    refine: int = 2
     apart: float = 0.03
     write_back: bool = True
+    restarts: int = 1
+    gain: float = 1e-3
+    method: str | None = None
     reach: float = 1.0
     tolerance: float = 1e-4
     patience: int = 5
-    population: int = 100
-    elites: int = 8
+    population: int = 40
+    elites: int = 4
     pressure: float = 1.9
     crossover: float = 0.9
     blend: float = 0.75
@@ -77,10 +94,10 @@ class Hybrid:
         require("steps", self.steps, 0)
         require("refine", self.refine, 1)
         require("apart", self.apart, 0, 1)
-        require("reach", self.reach, 1e-6)
-        require("tolerance", self.tolerance, 0)
-        require("patience", self.patience, 1)
-        _ = self.ga
+        require("restarts", self.restarts, 0)
+        if self.method == "adam":
+            raise HopdiffError("search.method must be one of lm, bfgs, not 'adam'.")
+        _ = self.ga, self.descents
 
     @property
     def ga(self) -> GA:
@@ -97,92 +114,125 @@ class Hybrid:
             sigma_floor=self.sigma_floor,
         )
 
-    def init(self, problem: Problem, generator: torch.Generator) -> Brood:
-        people = self.ga.init(problem, generator)
-        return Brood(people, self._climbers(people.genes, people.cost), people.genes, 0)
+    @property
+    def descents(self) -> Gradient:
+        """The settings of a descent."""
+        return Gradient(
+            method=self.method, gain=self.gain, reach=self.reach, tolerance=self.tolerance, patience=self.patience
+        )
 
-    def ask(self, state: Brood, generator: torch.Generator) -> tuple[Tensor, bool]:
-        if state.steps:
-            return state.climbers.descent.trial(), True
-        return self.ga.ask(state.people, generator)
+    def init(self, problem: Problem, generator: torch.Generator) -> Brood:
+        """Raises HopdiffError if method is "lm" and the problem tells no residuals."""
+        people = self.ga.init(problem, generator)
+        kind = kind_of(self.method, problem)
+        climbers = Climbers(Pack.begin(self.descents.begun(kind, people.genes)), people.genes, people.cost)
+        return Brood(people, climbers, kind, people.genes, 0, False, None)
+
+    def ask(self, state: Brood, generator: torch.Generator) -> tuple[Tensor, bool] | Asked:
+        state = self._read(state)
+        return state.climbers.pack.ask() if state.steps else self.ga.ask(state.people, generator)
 
     def tell(self, state: Brood, genes: Tensor, result: Eval, generator: torch.Generator) -> Brood:
+        state = self._read(state)
         if not state.steps:
-            return self._send(state._replace(people=self.ga.tell(state.people, genes, result, generator)))
-        state = self._stepped(state, genes, result)
+            people = self.ga.tell(state.people, genes, result, generator)
+            return state._replace(people=people, signals=people.signals)
+        climbers = state.climbers
+        pack, signals = climbers.pack.told(genes, result)
+        cost = climbers.cost
+        if signals is not None:
+            cost = torch.where((pack.descent.x == genes).all(-1), result.cost, cost)
+        return state._replace(climbers=climbers._replace(pack=pack, cost=cost), signals=signals)
+
+    def finished(self, state: Brood) -> bool:
+        return self._read(state).over
+
+    def signals(self, state: Brood) -> Tensor | None:
+        return state.signals
+
+    def steered(self, state: Brood, signals: list[float]) -> Brood:
+        """Who descends, and who has ended, now that the host knows how they stand."""
+        if not state.steps:
+            people = self.ga.steered(state.people, signals)
+            return self._sent(state._replace(people=people, signals=None))
+        state = self._stepped(state._replace(signals=None), signals)
         if state.steps:
             return state
-        if state.people.generation >= self.generations:
-            return state._replace(people=Population.empty(state.people.box))
-        return state._replace(people=self._taught(state.people, state.climbers), climbers=self._moved(state.climbers))
+        if state.people.generation < self.generations:
+            people, climbers = self._taught(state.people, state.climbers), state.climbers
+            origin = climbers.pack.descent.x if self.write_back else climbers.origin
+            return state._replace(people=people, climbers=climbers._replace(origin=origin))
+        curves = state.climbers.pack.curves
+        over = curves.best is not None and curves.vain >= self.restarts
+        return state._replace(people=Population.empty(state.people.box), over=over)
 
-    def _send(self, state: Brood) -> Brood:
+    def _read(self, state: Brood) -> Brood:
+        return state if state.signals is None else self.steered(state, state.signals.tolist())
+
+    def _sent(self, state: Brood) -> Brood:
         """Choose who descends; whoever did before goes on from where it is."""
         people, old = state.people, state.climbers
         last = people.generation >= self.generations
-        chosen = spread(people.genes, state.settled, self.refine if last else self.climbers, self.apart)
-        origin, cost = people.genes[chosen], people.cost[chosen]
-        known = (origin[:, None] == old.origin[None]).all(-1)
-        new = ~known.any(1)
-        fresh = self._climbers(origin[new], cost[new])
-        kept = old.take(known.any(0))
-        climbers = Climbers(
-            joined(kept.descent, fresh.descent),
-            torch.cat([kept.origin, fresh.origin]),
-            torch.cat([kept.cost, fresh.cost]),
-        )
-        steps = (TO_THE_END if last else self.steps) if len(chosen) and people.generation else 0
+        count = self.refine if last else self.climbers
+        crowd = people.genes[: CROWD * count]
+        known = (crowd[:, None] == old.origin[None]).all(-1)
+        near = torch.cat((torch.cdist(crowd, torch.cat((crowd, state.settled))), known.to(crowd.dtype)), dim=1)
+        rows = near.tolist()
+        chosen = spread([row[: len(rows) + len(state.settled)] for row in rows], count, self._least(crowd))
+        found = [rows[at][len(rows) + len(state.settled) :] for at in chosen]
+        kept = [row.index(1.0) for row in found if 1.0 in row]
+        index = torch.tensor([at for at, row in zip(chosen, found, strict=True) if 1.0 not in row], dtype=torch.int64)
+        fresh = index.to(crowd.device)
+        begun = self.descents.begun(state.kind, crowd[fresh])
+        climbers = old.take(kept).joined(begun, people.cost[: len(crowd)][fresh])
+        steps = (TO_THE_END if last else self.steps) if chosen and people.generation else 0
         if last and not steps:
             people = Population.empty(people.box)
         return state._replace(people=people, climbers=climbers, steps=steps)
 
-    def _stepped(self, state: Brood, genes: Tensor, result: Eval) -> Brood:
-        assert result.grad is not None
-        people, climbers, settled, steps = state
-        descent = climbers.descent.advance(genes, result.merit, result.grad)
-        arrived = (descent.x == genes).all(-1)
-        climbers = Climbers(descent, climbers.origin, torch.where(arrived, result.cost, climbers.cost))
-        if descent.done.any():
+    def _least(self, genes: Tensor) -> float:
+        return self.apart * math.sqrt(genes.shape[-1])
+
+    def _stepped(self, state: Brood, signals: list[float]) -> Brood:
+        people, climbers, settled, steps = state.people, state.climbers, state.settled, state.steps
+        count = len(climbers.origin)
+        pack = climbers.pack.steered(signals, self.gain)
+        kept = list(pack.curves.kept)
+        if len(kept) < count:
             people = self._taught(people, climbers)
-            settled = torch.cat([settled, descent.x[descent.done]])
-            climbers = climbers.take(~descent.done)
-        return Brood(people, climbers, settled, steps - 1 if len(climbers.origin) else 0)
+            ended = torch.tensor([row for row in range(count) if row not in kept], device=settled.device)
+            settled = torch.cat((settled, climbers.pack.descent.x[ended]))
+            index = torch.tensor(kept, dtype=torch.int64, device=settled.device)
+            climbers = climbers._replace(origin=climbers.origin[index], cost=climbers.cost[index])
+        steps = steps - 1 if kept else 0
+        return state._replace(people=people, climbers=climbers._replace(pack=pack), settled=settled, steps=steps)
 
     def _taught(self, people: Population, climbers: Climbers) -> Population:
         """The population after its climbers' costs, and their genes if written back, took the place of the old ones."""
-        if not len(climbers.origin):
+        if not len(climbers.origin) or not len(people.genes):
             return people
         mine = (people.genes[:, None] == climbers.origin[None]).all(-1)
         who = mine.int().argmax(1)
         gain = mine.any(1) & (climbers.cost[who] < people.cost)
-        if not gain.any():
-            return people
-        genes, cost = people.genes.clone(), people.cost.clone()
-        cost[gain] = climbers.cost[who[gain]]
+        cost = torch.where(gain, climbers.cost[who], people.cost)
+        genes = people.genes
         if self.write_back:
-            genes[gain] = climbers.descent.x[who[gain]]
-        return people._replace(genes=genes[:0], cost=cost[:0]).joined(genes, cost)
-
-    def _moved(self, climbers: Climbers) -> Climbers:
-        return climbers._replace(origin=climbers.descent.x) if self.write_back else climbers
-
-    def _climbers(self, genes: Tensor, cost: Tensor) -> Climbers:
-        return Climbers(Bfgs.begin(genes, self.reach, self.tolerance, self.patience), genes, cost)
+            genes = torch.where(gain[:, None], climbers.pack.descent.x[who], genes)
+        order = torch.argsort(cost, stable=True)
+        return people._replace(genes=genes[order], cost=cost[order])
 
 
-def spread(genes: Tensor, taboo: Tensor, count: int, apart: float) -> Tensor:
-    """Indices of the first `count` rows of genes (n, G) that lie apart from one another and from taboo (m, G).
+def spread(distance: list[list[float]], count: int, least: float) -> list[int]:
+    """The first `count` of n points that lie apart from one another and from m others.
 
-    apart: the least distance, root mean square over the genes.
+    distance: (n, n + m) between the points, and from them to the others. least: between two of them.
     """
-    least = apart * genes.shape[-1] ** 0.5
-    open_ = (torch.cdist(genes, taboo) >= least).all(1)
     chosen: list[int] = []
-    while len(chosen) < count and open_.any():
-        chosen.append(int(open_.int().argmax()))
-        open_ &= torch.cdist(genes, genes[chosen[-1:]])[:, 0] >= least
-        open_[chosen[-1]] = False
-    return torch.tensor(chosen, dtype=torch.int64, device=genes.device)
+    for at, row in enumerate(distance):
+        apart = all(row[other] >= least for other in [*chosen, *range(len(distance), len(row))])
+        if apart and len(chosen) < count:
+            chosen.append(at)
+    return chosen
 
 
 SEARCH = Hybrid

@@ -12,15 +12,18 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from hopdiff.search.base import Eval, Problem, Search, check_search
+from hopdiff.search.base import Asked, Eval, Problem, Search, check_search
 from hopdiff.types import HopdiffError, Status
+
+# Why a search ended: it had nothing more to gain, nothing more to spend, was good enough, or the user had enough.
+CONVERGED, BUDGET, TARGET, USER = STOPPED = ("converged", "budget", "target", "user")
 
 
 @dataclass(frozen=True)
 class Budget:
     """How long a search may go on.
 
-    evaluations: what may be spent, in value evaluations.
+    evaluations: what may be spent, in value evaluations; a search that has nothing more to gain ends before.
     gradient_price: what a gradient costs on top of its value, in value evaluations (backward time / forward time).
     target: a cost that is good enough to stop at, or None.
     Raises HopdiffError if there is nothing to spend or the price is negative.
@@ -72,7 +75,7 @@ class SearchResult:
     evaluations, gradient_evaluations: rows priced, and rows among them whose gradient was taken too.
     spent: evaluations + gradient_price * gradient_evaluations, the unit of the budget.
     invalid_fraction: share of all rows whose cost was not finite. statuses: how often each Status came up.
-    interrupted: whether the user broke the search off (Ctrl-C, or `stop`).
+    stopped: why the search ended, one of STOPPED; "" as long as it goes on.
     """
 
     best_genes: Tensor
@@ -87,7 +90,12 @@ class SearchResult:
     seconds: float
     invalid_fraction: float
     statuses: Counter[Status]
-    interrupted: bool
+    stopped: str
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the user broke the search off (Ctrl-C, or `stop`)."""
+        return self.stopped == USER
 
 
 OnStep = Callable[[HistoryRow, SearchResult], None]
@@ -101,65 +109,89 @@ def run_search(
     on_step: OnStep | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> SearchResult:
-    """Ask, evaluate, tell, until the budget is spent, its target is reached, or the user has had enough.
+    """Ask, evaluate, tell, until the search has nothing more to gain, its budget is spent, its target reached, or the
+    user has had enough.
 
-    The last batch is cut to what can still be paid for. A cost that is not a finite number counts as +inf.
+    The last batch is cut to what can still be paid for. A cost that is not a finite number counts as +inf. What the
+    host must know of a step, the search's signals among it, is read in one transfer.
     on_step: called after every step. stop: asked after every step; True ends the search.
     Ctrl-C ends it too: the best so far is returned, or KeyboardInterrupt raised again if there is none.
     Raises HopdiffError if no valid candidate turned up.
     """
     check_search(search)
     ledger = _Ledger(problem, budget)
-    interrupted = False
+    finished = getattr(search, "finished", lambda state: False)
+    signals, steered = getattr(search, "signals", lambda state: None), getattr(search, "steered", None)
+    stopped = BUDGET
     try:
         state = search.init(problem, generator)
-        while not ledger.reached_target:
-            genes, with_grad = _asked(search.ask(state, generator), problem.dimension)
-            rows = min(len(genes), budget.affordable(ledger.spent, with_grad))
+        while not finished(state):
+            asked = _asked(search.ask(state, generator), problem.dimension)
+            rows = min(len(asked.genes), budget.affordable(ledger.spent, asked.with_grad))
             if rows == 0:
                 break
-            evaluation = _cleaned(problem.evaluate(genes[:rows], with_grad))
-            row = ledger.enter(genes[:rows], evaluation, with_grad)
+            whole = rows == len(asked.genes)
+            evaluation = _cleaned(_evaluated(problem, asked._replace(genes=asked.genes[:rows])))
+            ledger.enter(asked.genes[:rows], evaluation, asked.with_grad)
+            state = search.tell(state, asked.genes, evaluation, generator) if whole else None
+            wanted = signals(state) if whole else None
+            row, told = ledger.read(wanted)
+            if wanted is not None and steered is not None:
+                state = steered(state, told)
             if on_step is not None:
-                on_step(row, ledger.result())
+                on_step(row, ledger.result(""))
+            if ledger.reached_target:
+                stopped = TARGET
+                break
             if stop is not None and stop():
-                interrupted = True
+                stopped = USER
                 break
-            if rows < len(genes):
+            if not whole:
                 break
-            state = search.tell(state, genes, evaluation, generator)
+        else:
+            stopped = CONVERGED
     except KeyboardInterrupt:
         if not math.isfinite(ledger.best_cost):
             raise
-        interrupted = True
+        stopped = USER
     if not math.isfinite(ledger.best_cost):
         raise HopdiffError(ledger.failure)
-    return ledger.result(interrupted)
+    return ledger.result(stopped)
 
 
-def _asked(answer: Any, dimension: int) -> tuple[Tensor, bool]:
+def _asked(answer: Any, dimension: int) -> Asked:
     """What a search asked for. Raises HopdiffError if that is no batch of points and a wish for gradients."""
-    if isinstance(answer, tuple) and len(answer) == 2:
-        genes, with_grad = answer
+    if isinstance(answer, tuple) and len(answer) in (2, 3):
+        genes, with_grad, with_residuals = (*answer, False)[:3]
         if isinstance(genes, Tensor) and genes.ndim == 2 and genes.shape[1] == dimension:
-            return genes, bool(with_grad)
+            return Asked(genes, bool(with_grad), bool(with_residuals))
     raise HopdiffError(
         f"what a search asks for must be a tensor of shape (P, {dimension}) and whether its gradient is wanted."
     )
 
 
+def _evaluated(problem: Problem, asked: Asked) -> Eval:
+    if not asked.with_residuals:
+        return problem.evaluate(asked.genes, asked.with_grad)
+    residuals = getattr(problem, "residuals", None)
+    if residuals is None:
+        raise HopdiffError("the search asks for the residuals of the cost, which this problem does not tell.")
+    found: Eval = residuals(asked.genes)
+    return found
+
+
 def _cleaned(evaluation: Eval) -> Eval:
     """NaN and -inf become +inf, what has no merit has no gradient, and an unexplained failure gets a status."""
-    cost, grad, merit, terms, status = evaluation
+    cost, grad, merit, terms, status, residuals = evaluation
     cost, merit = (x.detach().where(x.isfinite(), math.inf) for x in (cost, merit))
     if grad is not None:
         grad = grad.detach().where(merit.isfinite()[:, None], 0.0).nan_to_num(0.0, 0.0, 0.0)
     unexplained = cost.isinf() & (status == Status.OK)
-    return Eval(cost, grad, merit, terms, status.masked_fill(unexplained, Status.NOT_FINITE))
+    return Eval(cost, grad, merit, terms, status.masked_fill(unexplained, Status.NOT_FINITE), residuals)
 
 
 class _Ledger:
-    """What has been spent, and the best that was got for it."""
+    """What has been spent, and the best that was got for it. `enter` works on the device, `read` tells the host."""
 
     def __init__(self, problem: Problem, budget: Budget) -> None:
         self.budget = budget
@@ -171,6 +203,7 @@ class _Ledger:
         self.best_genes = torch.full((problem.dimension,), math.nan, dtype=problem.dtype, device=problem.device)
         self.best_terms: dict[str, float] = {}
         self.best_status = Status.NOT_FINITE
+        self.codes = torch.tensor([int(code) for code in Status], device=problem.device)
 
     @property
     def spent(self) -> float:
@@ -190,19 +223,44 @@ class _Ledger:
             return f"The one candidate tried is not a possible run: {sentence}"
         return f"None of the {self.evaluations} candidates tried is a possible run, most often because: {sentence}"
 
-    def enter(self, genes: Tensor, evaluation: Eval, with_grad: bool) -> HistoryRow:
+    def enter(self, genes: Tensor, evaluation: Eval, with_grad: bool) -> None:
+        """Count a batch, and gather on the device what `read` will want of it."""
         cost, status = evaluation.cost, evaluation.status
         self.evaluations += len(genes)
         self.gradient_evaluations += len(genes) * with_grad
-        for code, count in zip(*(x.tolist() for x in status.unique(return_counts=True)), strict=True):
-            self.statuses[Status(code)] += count
-        winner = int(cost.argmin())
-        if (winner_cost := float(cost[winner])) < self.best_cost:
-            self.best_cost, self.best_genes = winner_cost, genes[winner].detach().clone()
-            self.best_terms = {name: float(term[winner]) for name, term in evaluation.terms.items()}
-            self.best_status = Status(int(status[winner]))
-        valid = cost[cost.isfinite()]
-        self.invalid += len(cost) - len(valid)
+        winner = cost.argmin(keepdim=True)
+        valid = cost.isfinite()
+        # the lower of the two in the middle; what is not finite comes last
+        middle = ((valid.sum() - 1).clamp(min=0) // 2).unsqueeze(0)
+        self.names = tuple(evaluation.terms)
+        self.winner = genes[winner].squeeze(0).detach()
+        self.entered = torch.cat(
+            [
+                cost[winner],
+                cost.sort().values[middle],
+                status[winner].to(cost),
+                valid.sum().unsqueeze(0).to(cost),
+                *(term[winner].detach().to(cost) for term in evaluation.terms.values()),
+                (status == self.codes.unsqueeze(-1)).sum(-1).to(cost),
+            ]
+        )
+        self.rows = len(genes)
+
+    def read(self, signals: Tensor | None = None) -> tuple[HistoryRow, list[float]]:
+        """The step that was entered last, and the search's signals (n,) beside it: one transfer to the host."""
+        known = len(self.entered)
+        told = self.entered if signals is None else torch.cat((self.entered, signals.to(self.entered)))
+        numbers: list[float] = told.tolist()
+        (cost, median, status, valid), numbers = numbers[:4], numbers[4:]
+        terms, counts = numbers[: len(self.names)], numbers[len(self.names) : known - 4]
+        for code, count in zip(Status, counts, strict=True):
+            if count:
+                self.statuses[code] += int(count)
+        if cost < self.best_cost:
+            self.best_cost, self.best_genes = cost, self.winner.clone()
+            self.best_terms = dict(zip(self.names, terms, strict=True))
+            self.best_status = Status(int(status))
+        self.invalid += self.rows - int(valid)
         row = HistoryRow(
             step=len(self.history),
             evaluations=self.evaluations,
@@ -210,16 +268,16 @@ class _Ledger:
             spent=self.spent,
             seconds=perf_counter() - self.started,
             best=self.best_cost,
-            median=float(valid.median()) if len(valid) else math.nan,
+            median=median if valid else math.nan,
             gamma=self.best_terms.get("gamma", math.nan),
             energy=self.best_terms.get("energy", math.nan),
-            invalid=1.0 - len(valid) / len(cost),
+            invalid=1.0 - valid / self.rows,
             terms=self.best_terms,
         )
         self.history.append(row)
-        return row
+        return row, numbers[known - 4 :]
 
-    def result(self, interrupted: bool = False) -> SearchResult:
+    def result(self, stopped: str) -> SearchResult:
         return SearchResult(
             best_genes=self.best_genes,
             best_cost=self.best_cost,
@@ -233,5 +291,5 @@ class _Ledger:
             seconds=perf_counter() - self.started,
             invalid_fraction=self.invalid / max(self.evaluations, 1),
             statuses=Counter(self.statuses),
-            interrupted=interrupted,
+            stopped=stopped,
         )

@@ -26,8 +26,10 @@ from hopdiff.plots.front import front_figure
 from hopdiff.plots.save import save_figure
 from hopdiff.plots.strip import strip_figure
 from hopdiff.runs.settings import typed_values
-from hopdiff.search.loop import HistoryRow, SearchResult
+from hopdiff.search.loop import BUDGET, CONVERGED, HistoryRow, SearchResult
 
+# Said of a search that ended by itself, or by its budget: whether there was more to gain.
+ENDINGS = {CONVERGED: ", nothing more to gain", BUDGET: ", budget spent"}
 DRAWN_FPS = 1000.0  # frames/s of what is drawn: curves are smooth, and poses are those of their moments
 
 
@@ -155,7 +157,7 @@ def summary(folder: Path, job: Job, run: Run, notes: Sequence[Note] = ()) -> str
     miss = f" ({100.0 * (m['energy_rate'] / m['energy_target'] - 1.0):+.1f} %)" if m["energy_target"] else ""
     searched = (
         f"{m['search']}, {plural(m['evaluations'], 'evaluation')}, {plural(m['gradient_evaluations'], 'gradient')},"
-        f" {m['wall_seconds']:.1f} s, {100 * m['invalid_fraction']:.0f} % impossible"
+        f" {m['wall_seconds']:.1f} s, {100 * m['invalid_fraction']:.0f} % impossible{ENDINGS.get(m['stopped'], '')}"
     )
     rows = [
         ("asked", f"speed {m['speed']:g} m/s, beta {m['beta']:g}, so energy {m['energy_target']:.3f}"),

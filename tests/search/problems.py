@@ -145,3 +145,42 @@ def kinked(dimension: int = 30) -> Function:
     problem = Function(f, dimension)
     problem.valid = lambda x: ((x - centre.to(x)) @ axes.to(x))[:, :5].amin(-1) > -0.45
     return problem
+
+
+@dataclass
+class Squares(Function):
+    """roots: (P, G) -> (P, R), whose squares sum to f."""
+
+    roots: Callable[[Tensor], Tensor] | None = None
+
+    def residuals(self, genes: Tensor) -> Eval:
+        assert self.roots is not None
+        return self.evaluate(genes, False)._replace(residuals=self.roots(genes))
+
+
+def of_squares(roots: Callable[[Tensor], Tensor], dimension: int) -> Squares:
+    return Squares(lambda x: roots(x).square().sum(-1), dimension, roots=roots)
+
+
+def squares(dimension: int = 20) -> Squares:
+    """A sphere that tells its residuals."""
+    centre = optimum(dimension)
+    return of_squares(lambda x: x - centre.to(x), dimension)
+
+
+def rosenbrock_squares(dimension: int = 10) -> Squares:
+    """`rosenbrock` with its residuals."""
+
+    def roots(x: Tensor) -> Tensor:
+        z = 4.0 * x - 2.0
+        return torch.cat((10.0 * (z[:, 1:] - z[:, :-1] ** 2), 1.0 - z[:, :-1]), dim=-1)
+
+    return of_squares(roots, dimension)
+
+
+def bound_squares(dimension: int = 20, condition: float = 1e4) -> Squares:
+    """`bound_ellipsoid` with its residuals."""
+    axes, centre = rotation(dimension), optimum(dimension)
+    centre[::3] = 1.2
+    weight = torch.logspace(0, math.log10(condition), dimension, dtype=torch.float64).sqrt()
+    return of_squares(lambda x: ((x - centre.to(x)) @ axes.to(x)) * weight.to(x), dimension)

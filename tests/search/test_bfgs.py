@@ -6,8 +6,9 @@ import pytest
 import torch
 from scipy.optimize import minimize
 
-from hopdiff.search.bfgs import ARMIJO, BACKTRACKS, POWELL, Bfgs
+from hopdiff.search.bfgs import ARMIJO, BACKTRACKS, Bfgs
 from hopdiff.search.descent import joined, taken
+from hopdiff.search.model_step import POWELL
 from tests.search import problems
 
 

@@ -11,6 +11,7 @@ from hopdiff.search.box import Box
 from hopdiff.search.ga import GA, Population
 from tests.counting import calls
 from tests.search import problems
+from tests.search.driving import told
 
 BOX = Box(3, torch.float64, torch.device("cpu"))
 
@@ -20,7 +21,8 @@ def seeded(seed=0):
 
 
 def people(genes, cost, generation=1):
-    return Population.empty(BOX)._replace(generation=generation).joined(genes, cost)
+    group = Population.empty(BOX)._replace(generation=generation).joined(genes, cost)
+    return GA(population=2, elites=0).steered(group, group.signals.tolist())._replace(generation=generation)
 
 
 def answer(cost):
@@ -77,7 +79,7 @@ def test_elites_live_on_without_being_priced_again():
         assert not with_grad
         assert len(genes) == (20 if state.generation == 0 else 17)
         best = state.genes[:3]
-        state = settings.tell(state, genes, problem.evaluate(genes, False), generator)
+        state = told(settings, state, genes, problem.evaluate(genes, False), generator)
         assert all((state.genes == elite).all(1).any() for elite in best)
 
 
@@ -85,9 +87,9 @@ def test_all_invalid_means_a_new_random_population():
     settings, generator = GA(population=20, elites=0), seeded()
     state = settings.init(problems.sphere(3), generator)
     first, _ = settings.ask(state, generator)
-    state = settings.tell(state, first, answer(first.sum(1)), generator)
+    state = told(settings, state, first, answer(first.sum(1)), generator)
     children, _ = settings.ask(state, generator)
-    state = settings.tell(state, children, answer(torch.full((20,), math.inf)), generator)
+    state = told(settings, state, children, answer(torch.full((20,), math.inf)), generator)
     assert len(state.genes) == 0
     again, _ = settings.ask(state, generator)
     assert again.shape == (20, 3)
@@ -101,7 +103,7 @@ def test_first_generation_is_drawn_on_until_a_tenth_is_valid():
         genes, _ = settings.ask(state, generator)
         cost = torch.full((40,), math.inf, dtype=torch.float64)
         cost[7] = 1.0
-        state = settings.tell(state, genes, answer(cost), generator)
+        state = told(settings, state, genes, answer(cost), generator)
         assert len(state.genes) == valid_so_far
         assert state.generation == (valid_so_far == 4)
 
@@ -112,7 +114,7 @@ def test_a_generation_is_bred_without_a_loop_over_individuals():
         settings, generator, problem = GA(population=population), seeded(), problems.sphere(30)
         state = settings.init(problem, generator)
         genes, _ = settings.ask(state, generator)
-        state = settings.tell(state, genes, problem.evaluate(genes, False), generator)
+        state = told(settings, state, genes, problem.evaluate(genes, False), generator)
         children, _ = settings.ask(state, generator)
         result = problem.evaluate(children, False)
         bred = calls(partial(settings.ask, state, generator))
@@ -121,3 +123,18 @@ def test_a_generation_is_bred_without_a_loop_over_individuals():
     # Whatever the number of individuals.
     assert len(counts) == 1
     assert max(counts.pop()) < 200
+
+
+def test_a_search_without_progress_is_over():
+    """Half a per cent a generation is progress of a thousandth, a hundredth of that is not."""
+    settings, generator = GA(population=10, elites=0, patience=3), seeded()
+    state = settings.init(problems.sphere(3), generator)
+    story = []
+    for best in (10.0, 9.95, 9.949, 9.948, 9.93, 9.93, 9.93, 9.93):
+        assert not settings.finished(state)
+        genes, _ = settings.ask(state, generator)
+        cost = best + torch.arange(len(genes), dtype=torch.float64)
+        state = told(settings, state, genes, answer(cost), generator)
+        story.append(state.idle)
+    assert story == [0, 0, 1, 2, 0, 1, 2, 3]
+    assert settings.finished(state)

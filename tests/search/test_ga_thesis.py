@@ -13,6 +13,7 @@ from hopdiff.search.box import Box
 from hopdiff.search.ga_thesis import GAThesis
 from hopdiff.search.loop import Budget, run_search
 from hopdiff.types import HopdiffError
+from tests.search.driving import told as answered
 
 
 class Bowl:
@@ -32,7 +33,7 @@ def told(search: GAThesis, problem: Bowl, seed: int = 0) -> tuple[object, Tensor
     generator = torch.Generator().manual_seed(seed)
     state = search.init(problem, generator)
     first, _ = search.ask(state, generator)
-    state = search.tell(state, first, problem.evaluate(first, False), generator)
+    state = answered(search, state, first, problem.evaluate(first, False), generator)
     return state, search.ask(state, generator)[0]
 
 
@@ -75,7 +76,7 @@ def test_a_child_has_one_random_gene_on_average_and_nothing_lives_on() -> None:
     fresh = ~torch.stack([(children[:, None, k] == state.genes[None, :, k]).any(1) for k in range(4)], -1)  # type: ignore[attr-defined]
     assert float(fresh.double().sum(-1).mean()) == pytest.approx(1.0, abs=0.1)
     generator = torch.Generator().manual_seed(3)
-    after = search.tell(state, children, Bowl().evaluate(children, False), generator)  # type: ignore[arg-type]
+    after = answered(search, state, children, Bowl().evaluate(children, False), generator)  # type: ignore[arg-type]
     assert after.generation == 2
     assert len(after.genes) == 2000
 

@@ -7,9 +7,14 @@ import torch
 
 from hopdiff.search.adam import Adam
 from hopdiff.search.base import Eval
-from hopdiff.search.gradient import SCREEN, STARTS, Gradient
+from hopdiff.search.bfgs import Bfgs
+from hopdiff.search.descent import PROVEN, Curves
+from hopdiff.search.gradient import RESTARTS, SCREEN, STARTS, Gradient
+from hopdiff.search.lm import Lm
 from hopdiff.search.loop import Budget, run_search
+from hopdiff.types import HopdiffError
 from tests.search import problems
+from tests.search.driving import told
 
 
 def seeded(seed=0):
@@ -31,7 +36,7 @@ def test_the_best_of_the_screening_become_starts():
     cost[:2] = math.inf
     merit = torch.arange(10.0, dtype=torch.float64)
     merit[9] = cost[9] = math.inf
-    state = settings.tell(state, genes, Eval(cost, None, merit, {}, torch.zeros(10).long()), generator)
+    state = told(settings, state, genes, Eval(cost, None, merit, {}, torch.zeros(10).long()), generator)
     starts, with_grad = settings.ask(state, generator)
     assert with_grad
     assert torch.equal(starts, genes[2:5])
@@ -49,14 +54,93 @@ def test_starts_from_invalid_points_when_there_is_nothing_better():
     assert result.history[0].invalid == 1.0
 
 
-def test_finished_descents_make_room():
+def test_ended_descents_make_room_until_enough_were_in_vain():
+    """All end in the one minimum: after the first four, which one of them found, five more are as many as it takes."""
     problem = problems.sphere(4)
     problem.keep = True
-    run_search(problem, Gradient(starts=4, screen=8), Budget(600), seeded())
-    screenings = [batch for batch in problem.seen if len(batch) == 8]
-    assert len(screenings) >= 3
-    assert all(len(batch) in (4, 8) for batch in problem.seen[:-1])
+    result = run_search(problem, Gradient(starts=4, screen=6, restarts=8), Budget(), seeded())
+    assert result.stopped == "converged"
+    screenings = [batch for batch in problem.seen if len(batch) == 6]
+    assert len(screenings) == 2
     assert not torch.equal(screenings[0], screenings[1])
+    assert max(len(batch) for batch in problem.seen) == 6
+    assert {len(batch) for batch in problem.seen} <= {1, 2, 3, 4, 6}
+
+
+@pytest.mark.parametrize(("starts", "restarts"), [(1, 0), (3, 0), (1, 2), (2, 5)])
+def test_how_many_descents_there_are(starts, restarts):
+    """Each begins at a point that was screened."""
+    problem = problems.sphere(3)
+    problem.keep = True
+    run_search(problem, Gradient(starts=starts, screen=20, restarts=restarts), Budget(), seeded())
+    screened = problem.seen[0]
+    tried = torch.cat(problem.seen[1:])
+    begun = int((screened[:, None] == tried[None]).all(-1).any(1).sum())
+    assert begun == max(starts, restarts + 1)
+
+
+def test_a_descent_that_falls_behind_is_given_up():
+    """Of two valleys the deeper one is found by the best start, and the other is left before its end."""
+    curves = Curves().begun(2)
+    for step in range(1, 12):
+        fast, slow = 1.0 + 10.0 * 0.3**step, 2.0 + 10.0 * 0.3**step
+        curves = curves.seen([fast, slow][: len(curves.values)], [False] * 2, [True] * 2, 1e-3)
+        if len(curves.values) == 1:
+            break
+    assert step == PROVEN
+    assert curves.kept == (0,)
+    assert (curves.best, curves.vain) == (slow, 0)
+
+
+def test_a_descent_that_may_still_win_goes_on():
+    """A slow one that falls evenly overtakes a fast one, which is then the one behind."""
+    curves = Curves().begun(2)
+    for step in range(1, 8):
+        curves = curves.seen([1.0 + 10.0 * 0.3**step, 4.0 - 0.45 * step], [False] * 2, [True] * 2, 1e-3)
+        assert curves.kept == ((0, 1) if step < 7 else (1,))
+    assert curves.best == 1.0 + 10.0 * 0.3**7
+
+
+def test_the_best_that_ended_is_better_by_more_than_the_gain():
+    curves = Curves().begun(1)
+    for value, best, vain in ((2.0, 2.0, 0), (1.999, 1.999, 1), (1.99, 1.99, 0), (3.0, 1.99, 1), (2.5, 1.99, 2)):
+        curves = curves.seen([value], [True], [True], 1e-3)
+        assert (curves.best, curves.vain, curves.kept) == (best, vain, ())
+        curves = curves.begun(1)
+
+
+def test_what_is_impossible_holds_nobody_back_and_is_never_the_best():
+    curves = Curves().begun(2)
+    for _ in range(12):
+        curves = curves.seen([1.0, 2.0], [False, False], [False, True], 1e-3)
+    assert curves.kept == (0, 1)
+    curves = curves.seen([1.0, 2.0], [True, False], [False, True], 1e-3)
+    assert (curves.best, curves.vain, curves.kept) == (None, 1, (1,))
+    curves = curves.seen([2.0], [True], [True], 1e-3)
+    assert (curves.best, curves.vain) == (2.0, 0)
+
+
+def test_it_goes_on_until_something_possible_was_found():
+    """The merit leads to where no candidate is possible; only a hundredth of the box is, elsewhere."""
+    problem = problems.sphere(2)
+    problem.valid = lambda x: (x < 0.1).all(-1)
+    result = run_search(problem, Gradient(method="bfgs", starts=2, screen=8, restarts=1), Budget(4000), seeded())
+    assert (result.best_genes < 0.1).all()
+    assert result.stopped == "budget"
+
+
+def test_residuals_choose_levenberg_and_marquardt():
+    generator = seeded()
+    for problem, method, kind in (
+        (problems.squares(3), None, Lm),
+        (problems.squares(3), "lm", Lm),
+        (problems.squares(3), "bfgs", Bfgs),
+        (problems.sphere(3), None, Bfgs),
+        (problems.sphere(3), "adam", Adam),
+    ):
+        assert isinstance(Gradient(method=method).init(problem, generator).pack.descent, kind)
+    with pytest.raises(HopdiffError, match=r"^search\.method=lm needs the residuals of the cost"):
+        Gradient(method="lm").init(problems.sphere(3), generator)
 
 
 def test_adam_walks_down_and_stops_after_its_steps():
@@ -87,8 +171,7 @@ def test_adam_is_that_of_torch_with_a_rate_that_falls_along_half_a_cosine():
     other = torch.optim.Adam([twin], lr=rate, betas=(0.9, 0.99), eps=1e-300)
     for step in range(steps):
         trial = rows.trial()
-        # Its corrections for the first steps are worked out in single precision.
-        torch.testing.assert_close(trial, twin.detach(), rtol=0.0, atol=1e-6)
+        torch.testing.assert_close(trial, twin.detach(), rtol=0.0, atol=1e-12)
         value = (trial - target).pow(4).sum(-1)
         rows = rows.advance(trial, value, 4.0 * (trial - target).pow(3))
         assert torch.equal(rows.value, value)
@@ -116,12 +199,12 @@ def test_adam_gives_up_where_it_only_ever_turns_back():
 def test_a_problem_says_how_many_starts_suit_it():
     problem = problems.sphere(3)
     state = Gradient().init(problem, seeded())
-    assert (state.starts, state.screen) == (STARTS, SCREEN) == (16, 128)
-    problem.starts, problem.screen = 4, 9
+    assert (state.starts, state.screen, state.restarts) == (STARTS, SCREEN, RESTARTS) == (4, 64, 8)
+    problem.starts, problem.screen, problem.restarts = 2, 9, 0
     state = Gradient().init(problem, seeded())
-    assert (state.starts, state.screen) == (4, 9)
-    state = Gradient(starts=5, screen=11).init(problem, seeded())
-    assert (state.starts, state.screen) == (5, 11)
+    assert (state.starts, state.screen, state.restarts) == (2, 9, 0)
+    state = Gradient(starts=5, screen=11, restarts=7).init(problem, seeded())
+    assert (state.starts, state.screen, state.restarts) == (5, 11, 7)
 
 
 def test_a_search_begins_about_the_start_of_a_problem_that_says_how_far():

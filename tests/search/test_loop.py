@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from hopdiff.search.base import Eval
+from hopdiff.search.base import Asked, Eval
 from hopdiff.search.ga import GA
 from hopdiff.search.gradient import Gradient
 from hopdiff.search.loop import Budget, run_search
@@ -143,7 +143,7 @@ def test_what_is_not_a_finite_number_is_never_best_nor_told(poison):
 
     class Poisoned(problems.Function):
         def evaluate(self, genes, with_grad):
-            cost, _, merit, terms, status = super().evaluate(genes, with_grad)
+            cost, _, merit, terms, status, _ = super().evaluate(genes, with_grad)
             cost, merit = cost.clone(), merit.clone()
             cost[::2] = merit[::2] = poison
             return Eval(cost, torch.full_like(genes, math.nan), merit, terms, status)
@@ -203,3 +203,54 @@ def test_a_search_that_asks_for_nothing_is_told():
 
     with pytest.raises(HopdiffError, match=r"The search asked for no candidate\."):
         run_search(problems.Function(problems.sphere().f, 3), Silent(), Budget(10), seeded())
+
+
+class Tired(Random):
+    """Over after three steps."""
+
+    def init(self, problem, generator):
+        return super().init(problem, generator), 0
+
+    def ask(self, state, generator):
+        return super().ask(state[0], generator)
+
+    def tell(self, state, genes, result, generator):
+        return state[0], state[1] + 1
+
+    def finished(self, state):
+        return state[1] == 3
+
+
+@pytest.mark.parametrize(
+    ("search", "budget", "stop", "why"),
+    [
+        (Tired(), Budget(1000), None, "converged"),
+        (Tired(), Budget(250), None, "budget"),
+        (Tired(), Budget(1000, target=1e9), None, "target"),
+        (Tired(), Budget(1000), lambda: True, "user"),
+    ],
+)
+def test_it_says_why_it_ended(search, budget, stop, why):
+    so_far = []
+    result = run_search(problems.sphere(), search, budget, seeded(), lambda row, found: so_far.append(found), stop)
+    assert result.stopped == why
+    assert result.interrupted == (why == "user")
+    assert {found.stopped for found in so_far} == {""}
+    assert len(result.history) == {"converged": 3, "budget": 3, "target": 1, "user": 1}[why]
+    assert result.evaluations == {"converged": 300, "budget": 250, "target": 100, "user": 100}[why]
+
+
+def test_residuals_are_asked_for_and_counted_as_values():
+    class Looking(Random):
+        def ask(self, state, generator):
+            return Asked(state.uniform(10, generator), with_residuals=True)
+
+        def tell(self, state, genes, result, generator):
+            assert torch.equal(result.residuals.square().sum(-1), result.merit)
+            return state
+
+    problem = problems.squares(3)
+    result = run_search(problem, Looking(), Budget(35), seeded())
+    assert (result.evaluations, result.gradient_evaluations) == (35, 0)
+    with pytest.raises(HopdiffError, match=r"residuals of the cost, which this problem does not tell\."):
+        run_search(problems.sphere(), Looking(), Budget(35), seeded())
