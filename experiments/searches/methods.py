@@ -40,15 +40,15 @@ METHODS = [
     "ga",
     "cmaes",
     "gradient:method=adam",
-    "gradient",
-    "lm",
+    "gradient:method=bfgs",
+    "gradient:method=lm",
     "hybrid",
     "hybrid:write_back=false",
     *PEERS,
     "scipy_lbfgsb:starts=1",
     "scipy_lbfgsb:screened=true",
 ]
-DESCENTS = ("gradient", "lm", "hybrid", "scipy_lbfgsb")  # that take gradients
+DESCENTS = ("gradient", "hybrid", "scipy_lbfgsb")  # that take gradients
 
 
 def name_of(method: str) -> str:

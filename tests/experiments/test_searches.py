@@ -217,7 +217,8 @@ def test_claims_are_judged_problem_by_problem() -> None:
 def test_methods_are_told_apart() -> None:
     from experiments.searches.methods import METHODS, claimed, missing, takes_gradients
 
-    assert [m for m in METHODS if claimed(m)] == ["gradient", "lm", "hybrid", "hybrid:write_back=false"]
+    claimed_ones = ["gradient:method=bfgs", "gradient:method=lm", "hybrid", "hybrid:write_back=false"]
+    assert [m for m in METHODS if claimed(m)] == claimed_ones
     assert takes_gradients("scipy_lbfgsb:starts=1")
     assert not takes_gradients("scipy_de")
     assert missing("gradient:starts=2") is None
