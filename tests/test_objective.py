@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
 
 from hopdiff.choices import build_costs
-from hopdiff.objective import Term, priced, with_brought
+from hopdiff.objective import Term, priced, residuals_of, with_brought
 from hopdiff.problem import RunProblem
 from hopdiff.types import HopdiffError
 from tests.builders import make_problem, settings_of, valid_genes
@@ -101,3 +103,13 @@ def test_a_term_returns_a_number_for_each_candidate(value: Any, told: str) -> No
     with pytest.raises(HopdiffError, match=rf"the cost term 'high' must return a tensor of shape \(2,\), not {told}"):
         priced([Term("high", 1.0, value)], None, 2)
     assert priced([Term("high", 3.0, lambda seen: torch.ones(2))], None, 2)["high"].tolist() == [3.0, 3.0]
+
+
+def test_a_term_without_residuals_counts_as_its_root() -> None:
+    judged = SimpleNamespace(x=torch.tensor([[3.0, 4.0], [0.0, 2.0]]))
+    plain = Term("plain", 2.0, lambda j: j.x.square().sum(-1), view="hopper")
+    rooted = replace(plain, name="rooted", residuals=lambda j: j.x)
+    prices = priced([plain, rooted], judged, 2)
+    one, many = residuals_of([plain, rooted], judged, prices)
+    torch.testing.assert_close(one, torch.tensor([[50.0], [8.0]]).sqrt())
+    torch.testing.assert_close(many, 2.0**0.5 * judged.x)

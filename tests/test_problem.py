@@ -209,3 +209,39 @@ def test_no_candidate_strides_faster_than_the_shortest_stride() -> None:
     genes = draw(p, 50)
     genes = genes[p.evaluate(genes, with_grad=False).status == Status.OK]
     assert float(stride_time(p.gait(genes)).min()) > p.shortest_stride
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ("speed=5", "beta=0.5"),
+        ("speed=3", "beta=0.0", "costs.gamma=ratio"),
+        ("speed=4", "beta=0.7", "limp.amount=0.3"),
+        ("model=thesis", "costs=default", "genes=default", "speed=5", "beta=0.5"),
+        ("model=thesis", "speed=5", "beta=0.5"),
+    ],
+    ids=" ".join,
+)
+def test_residuals_are_roots_of_the_merit(settings: tuple[str, ...]) -> None:
+    """Their squares sum to it but for one constant, and their slopes give its gradient."""
+    p = problem(*settings)
+    genes = draw(p, 60, inside=0.01)
+    plain, found = p.evaluate(genes, with_grad=True), p.residuals(genes)
+    for name in ("cost", "merit", "status"):
+        assert torch.equal(getattr(found, name), getattr(plain, name))
+    assert found.grad is None
+    assert found.residuals is not None
+    known = found.merit.isfinite()
+    assert int(known.sum()) > 5
+    rest = (found.merit - found.residuals.square().sum(-1))[known]
+    torch.testing.assert_close(rest, rest[:1].expand_as(rest), rtol=0.0, atol=1e-9 * float(found.merit[known].max()))
+    assert plain.grad is not None
+    step = 1e-6
+    for gene in (0, p.dimension // 2, p.dimension - 1):
+        shift = step * torch.eye(p.dimension, dtype=p.dtype)[gene]
+        ahead, behind = (p.residuals(genes + sign * shift).residuals for sign in (1.0, -1.0))
+        assert ahead is not None
+        assert behind is not None
+        slope = (found.residuals * (ahead - behind) / step).sum(-1)
+        error = (slope - plain.grad[:, gene])[known].abs() / plain.grad[known].abs().amax(-1)
+        assert float(error.median()) < 1e-6

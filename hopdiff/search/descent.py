@@ -65,7 +65,7 @@ class Curves(NamedTuple):
 
     def seen(self, values: Sequence[float], done: Sequence[bool], possible: Sequence[bool], gain: float) -> Curves:
         """After one more trial of each. A descent ends when it is done, or so far behind that it would have to fall by
-        more than in the whole second half of its way to better the best by the share `gain`.
+        more than in the last third of its trials to better the best by the share `gain`.
 
         possible: whether each is where a candidate is possible; others hold nobody back.
         """
@@ -75,7 +75,7 @@ class Curves(NamedTuple):
         leader = min(able + ([] if best is None else [best]), default=math.inf)
         for row, curve in enumerate(curves):
             value = curve[-1]
-            ahead = value - (curve[len(curve) // 2] - value)
+            ahead = value - (curve[2 * len(curve) // 3] - value)
             behind = len(curve) >= PROVEN and value > leader and not _better(ahead, leader, gain)
             if not (done[row] or behind):
                 kept.append(row)

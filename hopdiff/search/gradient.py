@@ -60,7 +60,7 @@ class Gradient:
     gain: float = 1e-3
     reach: float = 1.0
     tolerance: float = 1e-4
-    patience: int = 5
+    patience: int = 3
     rate: float = 0.03
     steps: int = 150
 

@@ -76,7 +76,7 @@ class Hybrid:
     method: str | None = None
     reach: float = 1.0
     tolerance: float = 1e-4
-    patience: int = 5
+    patience: int = 3
     population: int = 40
     elites: int = 4
     pressure: float = 1.9

@@ -110,7 +110,7 @@ def test_the_folder_holds_everything_and_nothing_else(either: Path) -> None:
 def test_metrics_hold_every_number(model: str, wanted: set[str], request: pytest.FixtureRequest) -> None:
     metrics = read(request.getfixturevalue("finished" if model == "body" else "finished_smooth"), "metrics.json")
     assert wanted - set(metrics) == set()
-    numbers = {name: metrics[name] for name in wanted - {"search", "model"}}
+    numbers = {name: metrics[name] for name in wanted - {"search", "stopped", "model"}}
     assert all(isinstance(value, int | float) and math.isfinite(value) for value in numbers.values())
     assert metrics["speed"] == pytest.approx(4.0, rel=1e-9)
     assert (metrics["beta"], metrics["seed"], metrics["search"], metrics["model"]) == (0.5, 3, "ga", model)
