@@ -47,7 +47,7 @@ MISTAKES = {
     "budget.evaluation=5": "Did you mean 'budget.evaluations'?",
     "budget.gradient_price=-1": "budget.gradient_price must be",
     "search=gaa": "choose one of cmaes, ga, gradient, hybrid, ordinary, random. Did you mean 'ga'?",
-    "search.popsize=3": "Unknown setting of search gradient 'popsize': choose one of method, name",
+    "search.popsize=3": "Unknown setting of search gradient 'popsize': choose one of gain, method, name, patience",
     "+search.popsize=3": "popsize",
     "+search=ga": "write search=NAME, without the plus",
     "model=smoth": "Unknown model 'smoth': choose one of body, smooth, thesis. Did you mean 'smooth'?",

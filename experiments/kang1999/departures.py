@@ -24,9 +24,9 @@ from experiments.kang1999.variants import (
     take_offs,
 )
 from experiments.report import markdown, origin
-from hopdiff.costs import excesses
 from hopdiff.io.files import write_whole
 from hopdiff.io.record import write_table
+from hopdiff.limits import excesses
 from hopdiff.metrics import loop_error
 from hopdiff.models.base import hopper_cycle
 from hopdiff.models.gait import stride_motion

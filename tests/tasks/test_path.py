@@ -143,7 +143,8 @@ def test_the_run_leads_along_the_path_in_its_time_on_whole_strides(arguments: tu
     exact = 0.01 if "model=thesis" in arguments else 1e-3
     assert numbers["strides"] * numbers["stride_time"] == pytest.approx(time, rel=exact)
     assert numbers["foot_slide_max"] < 0.01
-    assert numbers["min_foot_clearance"] > -5e-4  # what the costs allow
+    # What the limits allow.
+    assert numbers["min_foot_clearance"] > (-0.01 if set(BODY) <= set(arguments) else -5e-4)
     assert numbers["speed"] * time == pytest.approx(numbers["path_length"]) == pytest.approx(way["way"][-1])
 
 
