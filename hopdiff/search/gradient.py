@@ -17,6 +17,7 @@ from hopdiff.search.pack import KINDS, Pack, Rows, check_method, kind_of
 from hopdiff.search.settings import require
 
 STARTS, SCREEN, RESTARTS = 4, 64, 8  # of a problem that asks for no others
+LM_PATIENCE, BFGS_PATIENCE = 3, 8
 
 
 class Multistart(NamedTuple):
@@ -45,11 +46,11 @@ class Gradient:
 
     method: "lm" (Levenberg-Marquardt, of a problem with residuals), "bfgs" or "adam"; None: lm where it can be.
     starts: descents side by side. screen: points a screening. restarts: descents that must have been in vain. Where
-    these three are None the problem says, or 4, 64 and 8.
+    these three are None the problem says, if its method is the one that suits it, or 4, 64 and 8.
     gain: what a descent must be able to better the best by, relative to it.
     reach: length of the first step, root mean square over the genes, in box widths (bfgs).
     tolerance, patience: a descent is done after `patience` steps that each lower the merit by less than `tolerance`
-    of itself (lm, bfgs). rate, steps: box widths a step at first, and steps a descent (adam).
+    of itself (lm, bfgs; None: 3 of lm, 8 of bfgs). rate, steps: box widths a step at first, and steps a descent (adam).
     """
 
     name: str = "gradient"
@@ -60,7 +61,7 @@ class Gradient:
     gain: float = 1e-3
     reach: float = 1.0
     tolerance: float = 1e-4
-    patience: int = 3
+    patience: int | None = None
     rate: float = 0.03
     steps: int = 150
 
@@ -75,7 +76,8 @@ class Gradient:
         require("gain", self.gain, 0, 1)
         require("reach", self.reach, 1e-6)
         require("tolerance", self.tolerance, 0)
-        require("patience", self.patience, 1)
+        if self.patience is not None:
+            require("patience", self.patience, 1)
         require("rate", self.rate, 1e-6, 1)
         require("steps", self.steps, 1)
 
@@ -83,11 +85,13 @@ class Gradient:
         """Raises HopdiffError if method is "lm" and the problem tells no residuals."""
         box = Box.of(problem)
         nowhere = box.uniform(0, generator)
-        starts = getattr(problem, "starts", STARTS) if self.starts is None else self.starts
-        screen = getattr(problem, "screen", SCREEN) if self.screen is None else self.screen
-        restarts = getattr(problem, "restarts", RESTARTS) if self.restarts is None else self.restarts
-        require("screen", screen, starts)
         kind = kind_of(self.method, problem)
+        # what a problem asks for goes with the method that suits it
+        wishes = problem if kind == kind_of(None, problem) else None
+        starts = getattr(wishes, "starts", STARTS) if self.starts is None else self.starts
+        screen = getattr(wishes, "screen", SCREEN) if self.screen is None else self.screen
+        restarts = getattr(wishes, "restarts", RESTARTS) if self.restarts is None else self.restarts
+        require("screen", screen, starts)
         pack = Pack.begin(self.begun(kind, nowhere))
         return Multistart(box, pack, kind, nowhere, True, False, None, starts, screen, restarts)
 
@@ -138,8 +142,8 @@ class Gradient:
         if kind == "adam":
             return Adam.begin(x, self.rate, self.steps)
         if kind == "lm":
-            return Lm.begin(x, self.tolerance, self.patience)
-        return Bfgs.begin(x, self.reach, self.tolerance, self.patience)
+            return Lm.begin(x, self.tolerance, self.patience or LM_PATIENCE)
+        return Bfgs.begin(x, self.reach, self.tolerance, self.patience or BFGS_PATIENCE)
 
 
 SEARCH = Gradient

@@ -76,7 +76,7 @@ class Hybrid:
     method: str | None = None
     reach: float = 1.0
     tolerance: float = 1e-4
-    patience: int = 3
+    patience: int | None = None
     population: int = 40
     elites: int = 4
     pressure: float = 1.9

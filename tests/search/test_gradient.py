@@ -203,6 +203,9 @@ def test_a_problem_says_how_many_starts_suit_it():
     problem.starts, problem.screen, problem.restarts = 2, 9, 0
     state = Gradient().init(problem, seeded())
     assert (state.starts, state.screen, state.restarts) == (2, 9, 0)
+    # another method than the one that suits it
+    state = Gradient(method="adam").init(problem, seeded())
+    assert (state.starts, state.screen, state.restarts) == (STARTS, SCREEN, RESTARTS)
     state = Gradient(starts=5, screen=11, restarts=7).init(problem, seeded())
     assert (state.starts, state.screen, state.restarts) == (5, 11, 7)
 
