@@ -151,7 +151,7 @@ def _row(
     weight: float,
     value: Callable[[Judged], Tensor],
     put_in: str,
-    residuals: Callable[[Judged], Tensor],
+    residuals: Callable[[Judged], Tensor] | None = None,
 ) -> Term:
     return Term(name, weight, value, put_in, "hopper", residuals)
 

@@ -27,7 +27,11 @@ CHOICES = [
     if not path.stem.startswith("of_")
 ]
 # The model of choices that are not for the default one.
-MODEL_OF = {("costs", "default"): "smooth", ("costs", "thesis"): "thesis", ("genes", "default"): "smooth"}
+MODEL_OF = {
+    (group, name): model
+    for group in ("costs", "genes")
+    for name, model in (("default", "smooth"), ("thesis", "thesis"))
+}
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
 BRIEF = ("neutral", "thesis")  # experiments; the others are searched longer, or much the same
 TINY = ("budget.evaluations=200", "threads=1")
@@ -72,7 +76,7 @@ def test_a_replay_at_another_speed_forgets_the_least_run() -> None:
 @pytest.mark.parametrize("model", ["body", "smooth", "thesis"])
 @pytest.mark.parametrize("group", ["costs", "genes"])
 def test_costs_and_genes_follow_the_model(group: str, model: str) -> None:
-    default = {"costs": "human", "genes": "body"}[group] if model == "body" else "default"
+    default = {"body": {"costs": "human", "genes": "body"}[group], "thesis": "thesis"}.get(model, "default")
     assert compose([f"model={model}"])[group] == compose([f"model={model}", f"{group}={default}"])[group]
     assert compose([f"model={model}"])[group].name == default
 

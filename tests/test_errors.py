@@ -46,7 +46,7 @@ MISTAKES = {
     "budget.evaluations=0": "budget.evaluations must be at least 1",
     "budget.evaluation=5": "Did you mean 'budget.evaluations'?",
     "budget.gradient_price=-1": "budget.gradient_price must be",
-    "search=gaa": "choose one of cmaes, ga, gradient, hybrid, ordinary, random. Did you mean 'ga'?",
+    "search=gaa": "choose one of cmaes, ga, ga_thesis, gradient, hybrid, ordinary, random. Did you mean 'ga'?",
     "search.popsize=3": "Unknown setting of search gradient 'popsize': choose one of gain, method, name, patience",
     "+search.popsize=3": "popsize",
     "+search=ga": "write search=NAME, without the plus",
