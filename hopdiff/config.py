@@ -72,6 +72,7 @@ class Config:
     seed: int
     device: str
     dtype: str
+    compile: str
     threads: int
     fps: float
     pictures: bool
@@ -213,7 +214,9 @@ def build_job(
     if isinstance(model, BodyModel):
         assert isinstance(costs, EffortSettings)
         with threads(settings.threads):
-            problem = BodyProblem(character, table, model, costs, settings.speed, settings.beta, terms)
+            problem = BodyProblem(
+                character, table, model, costs, settings.speed, settings.beta, terms, settings.compile.lower()
+            )
         plain["costs"] = problem.told(plain["costs"])
     else:
         assert isinstance(costs, CostSettings)

@@ -165,9 +165,13 @@ class GeneTable:
         span = self.high - self.low
         return torch.where(span > 0, (physical - self.low) / span.clamp_min(1e-30), torch.zeros_like(physical))
 
+    def values(self, unit: Tensor) -> Tensor:
+        """Unit box (..., G) to SI units and rad (..., G), in the order of the names."""
+        return self.to_physical(unit) * self.scale
+
     def decode(self, unit: Tensor) -> dict[str, Tensor]:
         """Unit box (P, G) to what the physics uses: gene name -> (P,) in SI units and rad."""
-        values = dict(zip(self.names, (self.to_physical(unit) * self.scale).unbind(-1), strict=True))
+        values = dict(zip(self.names, self.values(unit).unbind(-1), strict=True))
         if ETA in values:
             common = values.pop(ETA)
             values |= dict.fromkeys((name for name in self.senses if name.startswith(ETAS_BEGIN)), common)

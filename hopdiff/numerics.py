@@ -12,6 +12,13 @@ import torch
 from torch import Tensor
 
 GRAVITY = 9.81  # m/s^2, magnitude
+DEGREE = np.pi / 180.0  # rad
+
+
+def absent(number: float | Tensor) -> bool:
+    """Whether a setting is 0, so that what it weighs can be left out. A number that a compiled kernel is told may be
+    anything, and is a tensor: never."""
+    return not isinstance(number, Tensor) and number == 0.0
 
 
 def safe_sqrt(x: Tensor, floor: float = 1e-12) -> Tensor:

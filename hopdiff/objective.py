@@ -37,7 +37,8 @@ class Term:
     def __post_init__(self) -> None:
         if self.view not in VIEWS:
             raise HopdiffError(f"the view of the cost term {self.name!r} must be body or hopper, not {self.view!r}.")
-        if not (isinstance(self.weight, int | float) and 0.0 <= self.weight < math.inf):
+        told = isinstance(self.weight, Tensor)  # as compiled kernels are
+        if not told and not (isinstance(self.weight, int | float) and 0.0 <= self.weight < math.inf):
             raise HopdiffError(f"the weight of the cost term {self.name!r} must be 0 or more, not {self.weight!r}.")
 
 
@@ -66,7 +67,7 @@ def residuals_of(terms: Iterable[Term], seen: Any, prices: Mapping[str, Tensor])
         if term.residuals is None:
             found.append(prices[term.name].clamp_min(0.0).sqrt().unsqueeze(-1))
         else:
-            found.append(math.sqrt(term.weight) * term.residuals(seen).flatten(1))
+            found.append(term.weight**0.5 * term.residuals(seen).flatten(1))
     return found
 
 

@@ -74,8 +74,8 @@ def priced(problem: BodyProblem, genes: Tensor, nodes: tuple[int, int]) -> tuple
         movement = model.movement(problem.table.decode(genes), speed)
         state, moved = movement.solve(ROUNDS)
         body = movement.body(state)
-        merit, terms, _ = problem.price(Priced(movement, body, dynamics(movement, body), moved))
-    return merit, terms
+        bill = problem.pricing.price(Priced(movement, body, dynamics(movement, body), moved))
+    return bill.merit, bill.terms
 
 
 def candidates(problem: BodyProblem, best: Tensor) -> Tensor:

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from hopdiff.effort.priced import Priced
 from hopdiff.effort.settings import BodyLimits
-from hopdiff.numerics import GRAVITY, constant
+from hopdiff.numerics import DEGREE, GRAVITY, constant
 from hopdiff.types import Status
 from hopdiff.whole_body.layout import FEET, SHANKS
 from hopdiff.whole_body.places import places_of
@@ -54,7 +54,7 @@ def excesses(run: Priced, limits: BodyLimits) -> list[Excess]:
     force = fine[:, 14:].unflatten(1, (2, 3))
 
     def between(values: Tensor, degrees: list[float], status: Status = Status.JOINT_LIMIT) -> None:
-        low, high = (math.radians(x) for x in degrees)
+        low, high = (DEGREE * x for x in degrees)
         found.append(Excess(status, torch.stack((low - values, values - high), dim=1) / ANGLE, shares))
 
     between(knee, limits.knee_deg)
@@ -112,7 +112,7 @@ def penalty(found: list[Excess]) -> Tensor:
     total = []
     for one in found:
         over = torch.relu(one.curves + MARGINS.get(one.status, 0.0)) ** 2
-        over = over.reshape(len(over), -1, over.shape[-1])
+        over = over.reshape(over.shape[0], -1, over.shape[-1])
         if one.weights is None:
             total.append(over.mean(-1).sum(-1))
         else:

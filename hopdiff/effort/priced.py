@@ -51,12 +51,13 @@ class Priced:
     @property
     def leg(self) -> float:
         """From hip to sole, standing [m]: the length that numbers without units are told in."""
-        return self.movement.layout.character.leg_length
+        return self.movement.layout.leg_length
 
     @property
     def pace(self) -> float:
         """sqrt(l / g) [s]."""
-        return float((self.leg / GRAVITY) ** 0.5)
+        pace: float = (self.leg / GRAVITY) ** 0.5
+        return pace
 
     def once(self, name: str, make: Callable[[], Made]) -> Made:
         """What `make` gives, made the first time that it is asked for by this name: terms of the cost share it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -12,15 +13,16 @@ from torch import Tensor
 
 from hopdiff.character import Character
 from hopdiff.doors import TERMS
-from hopdiff.effort.limits import Excess, excesses, penalty, status_of
 from hopdiff.effort.priced import Priced
-from hopdiff.effort.residuals import penalty_residuals, with_residuals
+from hopdiff.effort.pricing import Bill, Numbers, Pricing
 from hopdiff.effort.settings import EffortSettings
-from hopdiff.effort.terms import ORDINARY_BETA, Asked, Muscles, energy_rate, energy_ratio, terms_of
+from hopdiff.effort.terms import ORDINARY_BETA
 from hopdiff.genes import GeneTable, at_froude, froude_speed
+from hopdiff.kernels.choose import OFF, chosen
+from hopdiff.kernels.pieces import Told
 from hopdiff.motion import Motion
-from hopdiff.numerics import GRAVITY, gradient_of_each
-from hopdiff.objective import Term, priced, residuals_of, with_brought
+from hopdiff.numerics import gradient_of_each
+from hopdiff.objective import Term, with_brought
 from hopdiff.search.base import Eval
 from hopdiff.search.gradient import Gradient
 from hopdiff.search.loop import Budget, run_search
@@ -68,31 +70,32 @@ class BodyProblem:
         speed: float,
         beta: float,
         given: Sequence[Term] = (),
+        compiling: str = OFF,
     ) -> None:
         check_asked(speed, beta)
         _check(settings)
+        self.compiling = compiling
         self.given = tuple(given)
         self.character, self.table, self.model, self.settings = character, table, model, settings
         self.speed, self.beta = float(speed), float(beta)
-        self.muscles = Muscles.of(settings, character.leg_length, table.low)
-        self.pace = math.sqrt(character.leg_length / GRAVITY)
         self.start, self.spread = table.to_unit(table.ordinary), SPREAD
-        self.swing_knee = math.radians(
-            at_froude(settings.human.swing_knee_deg, self.froude, "costs.human.swing_knee_deg")
-        )
+        knee = math.radians(at_froude(settings.human.swing_knee_deg, self.froude, "costs.human.swing_knee_deg"))
+        numbers = Numbers.of(settings, character.leg_length, knee, self.beta, table.low)
+        foreign = bool(given or settings.extra)
+        told = Told.of(table.names, model, numbers, self.speed)
+        self.kernels, self.word = chosen(compiling, told, table.values(self.start.unsqueeze(0)), foreign)
         self.least: Least | None = None
         if beta != ORDINARY_BETA:
             self.least = self._least()
             if self.least.genes is not None:
                 self.start, self.spread = self.least.genes, NEAR
-        asked = Asked(energy_ratio(beta, settings.scale), None, None)
-        if self.least is not None:
-            asked = asked._replace(external_work=self.least.external_work, contact_time=self.least.contact_time)
-        given_to = (settings, self.muscles, self.pace, asked, self.swing_knee)
-        rows = with_residuals(terms_of(*given_to), *given_to)
+            work, contact = self.least.external_work, self.least.contact_time
+            numbers = numbers._replace(asked=numbers.asked._replace(external_work=work, contact_time=contact))
+            if self.kernels is not None:
+                self.kernels = replace(self.kernels, told=Told.of(table.names, model, numbers, self.speed))
         brought = [TERMS.load(name) for name in settings.extra if name in TERMS.brought]
-        rows = with_brought(rows, brought, settings.extra, "body", given, vars(settings))
-        self.terms = [row for row in rows if row.weight != 0.0]
+        rows = with_brought(numbers.terms(), brought, settings.extra, "body", given, vars(settings))
+        self.pricing = Pricing.of(numbers, rows)
 
     @property
     def dimension(self) -> int:
@@ -116,10 +119,16 @@ class BodyProblem:
         """Duration of the shortest stride that the gene table allows [s]."""
         return 2.0 * float(self.table.decode(torch.zeros_like(self.table.low))["step_time"])
 
+    @property
+    def terms(self) -> list[Term]:
+        """The rows of the cost."""
+        return self.pricing.terms
+
     @cached_property
     def anchor(self) -> Anchor | None:
         """The solved movement at the start of searches, beside which others are found."""
-        return self.model.anchor(self.table.decode(self.start.unsqueeze(0)), self.start.new_tensor([self.speed]))
+        genes, speed = self.table.decode(self.start.unsqueeze(0)), self.start.new_tensor([self.speed])
+        return self.model.anchor(genes, speed, None if self.kernels is None else self.kernels.rounds)
 
     def _least(self) -> Least:
         """The run of least cost: given by the settings, or searched for, the same way whatever the user's search is."""
@@ -135,10 +144,12 @@ class BodyProblem:
             repr(self.settings),
             self.given,
             (self.model.plan, self.model.rounds, self.model.adjoint_rounds, self.model.lame, self.model.amount),
-            (str(self.dtype), str(self.device), torch.get_num_threads()),
+            (str(self.dtype), str(self.device), torch.get_num_threads(), self.kernels is None),
         )
         if key not in _found:
-            plain = BodyProblem(self.character, table, self.model, self.settings, self.speed, ORDINARY_BETA, self.given)
+            plain = BodyProblem(
+                self.character, table, self.model, self.settings, self.speed, ORDINARY_BETA, self.given, self.compiling
+            )
             search = Gradient(tolerance=2e-5)
             try:
                 result = run_search(plain, search, Budget(LEAST_BUDGET), torch.Generator().manual_seed(0))
@@ -166,23 +177,13 @@ class BodyProblem:
             movement, body, moved = self.model.exact(self.table.decode(genes), speed, self.anchor)
             return Priced(movement, body, dynamics(movement, body), moved)
 
-    def energy(self, run: Priced) -> Tensor:
-        """E_r (P,): what the target beta / (1 - beta) is held against."""
-        if self.least is None:
-            return torch.full_like(run.moved, ORDINARY_BETA / (1.0 - ORDINARY_BETA))
-        return energy_rate(run.external_work() / self.least.external_work, self.settings.scale)
-
-    def price(self, run: Priced) -> tuple[Tensor, dict[str, Tensor], Tensor]:
-        """Merit (P,), its terms with their weights, and the status (P,)."""
-        return self._priced(run, excesses(run, self.settings.limits))
-
-    def _priced(self, run: Priced, over: list[Excess]) -> tuple[Tensor, dict[str, Tensor], Tensor]:
-        terms = priced(self.terms, run, len(run.moved))
-        terms["penalty"] = self.settings.limits.weight * penalty(over)
-        merit = torch.stack(list(terms.values())).sum(0)
-        status = status_of(over, run.moved)
-        status = torch.where(torch.isfinite(merit), status, torch.full_like(status, int(Status.NOT_FINITE)))
-        return merit, {"energy": self.energy(run), **terms}, status
+    def _priced(self, genes: Tensor, with_grad: bool, with_residuals: bool = False) -> Bill:
+        """What candidates cost, by compiled kernels where there are some."""
+        if self.kernels is not None and self.anchor is not None:
+            model = self.model
+            adjoint_rounds = model.adjoint_rounds if with_grad else 0
+            return self.kernels.price(self.table.values(genes), self.anchor, model.rounds, adjoint_rounds)
+        return self.pricing.price(self.run(genes, with_grad), with_residuals)
 
     def evaluate(self, genes: Tensor, with_grad: bool) -> Eval:
         """Price candidates (P, G) of the unit box; `with_grad` adds the gradient of the merit."""
@@ -196,24 +197,18 @@ class BodyProblem:
         if with_grad:
             genes = genes.clone().requires_grad_(True)
         with torch.set_grad_enabled(with_grad):
-            run = self.run(genes, with_grad)
-            merit, terms, status = self.price(run)
-            computable = torch.isfinite(merit) & (run.moved < LOST)
+            bill = self._priced(genes, with_grad)
+            computable = torch.isfinite(bill.merit) & (bill.moved < LOST)
             gradient = None
             if with_grad:
-                gradient, sound = gradient_of_each(torch.where(computable, merit, 0.0), genes)
+                gradient, sound = gradient_of_each(torch.where(computable, bill.merit, 0.0), genes)
                 computable = computable & sound
-        return _told(merit, computable, {k: v.detach() for k, v in terms.items()}, status, gradient)
+        return _told(bill, computable, gradient)
 
     def _with_residuals(self, genes: Tensor) -> Eval:
         with torch.no_grad():
-            run = self.run(genes, with_grad=False)
-            over = excesses(run, self.settings.limits)
-            merit, terms, status = self._priced(run, over)
-            penalties = math.sqrt(self.settings.limits.weight) * penalty_residuals(over)
-            residuals = torch.cat([*residuals_of(self.terms, run, terms), penalties], dim=-1)
-        found = _told(merit, torch.isfinite(merit) & (run.moved < LOST), terms, status)
-        return found._replace(residuals=residuals)
+            bill = self._priced(genes, with_grad=False, with_residuals=True)
+        return _told(bill, torch.isfinite(bill.merit) & (bill.moved < LOST))._replace(residuals=bill.residuals)
 
     def gait(self, genes: Tensor) -> BodyGait:
         """The endless runs of candidates (P, G) of the unit box, to be sampled in time."""
@@ -233,12 +228,10 @@ class BodyProblem:
         return {**settings, "least": least}
 
 
-def _told(
-    merit: Tensor, computable: Tensor, terms: dict[str, Tensor], status: Tensor, gradient: Tensor | None = None
-) -> Eval:
-    merit = torch.where(computable, merit.detach(), torch.inf)
-    cost = torch.where(status == int(Status.OK), merit, torch.inf)
-    return Eval(cost, gradient, merit, terms, status)
+def _told(bill: Bill, computable: Tensor, gradient: Tensor | None = None) -> Eval:
+    merit = torch.where(computable, bill.merit.detach(), torch.inf)
+    cost = torch.where(bill.status == int(Status.OK), merit, torch.inf)
+    return Eval(cost, gradient, merit, {name: value.detach() for name, value in bill.terms.items()}, bill.status)
 
 
 def _joined(parts: list[Eval]) -> Eval:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
@@ -22,7 +21,7 @@ from hopdiff.effort.terms import (
     muscle_pull,
     touchdown_yaw,
 )
-from hopdiff.numerics import GRAVITY
+from hopdiff.numerics import DEGREE, GRAVITY
 from hopdiff.objective import Term
 
 POWER_WIDTH = 0.0024  # of g sqrt(g l): over which positive and negative power pass into each other
@@ -34,7 +33,7 @@ def with_residuals(
     """The rows of `hopdiff.effort.terms.terms_of`, all arguments as there, with the residuals of those that are sums or
     change sign; the others are squares of one number each."""
     wish = settings.human
-    lean, drop, yaw = (math.radians(x) for x in (wish.trunk_lean_deg, wish.pelvis_drop_deg, wish.pelvis_yaw_deg))
+    lean, drop, yaw = (DEGREE * x for x in (wish.trunk_lean_deg, wish.pelvis_drop_deg, wish.pelvis_yaw_deg))
 
     def pull(run: Priced) -> Pull:
         return run.once("pull", lambda: muscle_pull(run, settings))
@@ -74,7 +73,9 @@ def penalty_residuals(found: list[Excess]) -> Tensor:
     """(P, R) whose squares sum to `hopdiff.effort.limits.penalty`."""
     roots = []
     for one in found:
-        over = torch.relu(one.curves + MARGINS.get(one.status, 0.0)).reshape(len(one.curves), -1, one.curves.shape[-1])
+        over = torch.relu(one.curves + MARGINS.get(one.status, 0.0)).reshape(
+            one.curves.shape[0], -1, one.curves.shape[-1]
+        )
         roots.append((_even(over) if one.weights is None else over * one.weights.sqrt().unsqueeze(1)).flatten(1))
     return torch.cat(roots, dim=-1)
 

@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from hopdiff.effort.priced import Priced
 from hopdiff.effort.settings import EffortSettings
-from hopdiff.numerics import GRAVITY
+from hopdiff.numerics import DEGREE, GRAVITY, absent
 from hopdiff.objective import Term
 from hopdiff.types import HopdiffError
 from hopdiff.whole_body.dynamics import ANKLES
@@ -26,6 +26,7 @@ TURNING = 0.1  # of the lesser strength: over what a torque passes from one dire
 LEG_JOINTS = slice(3, 9)  # hips, knees, ankles among the joints after the pelvis
 ORDINARY_BETA = 0.2  # the thesis calls this briskness an ordinary run (figure 5.4)
 ORDINARY_TARGET = ORDINARY_BETA / (1.0 - ORDINARY_BETA)
+ASKING = ("energy_match", "contact_cap")  # terms that there are where something is asked
 LEAST_ENERGY = 0.8  # of the least run's: what no smaller target asks for
 
 # Names of joints in the settings, by segment below them.
@@ -137,9 +138,9 @@ def muscle_pull(run: Priced, settings: EffortSettings) -> Pull:
     """Torques of the muscles: those of the joints, less what ligaments hold the feet with."""
     dynamics, angles = run.dynamics, run.body.angles
     torque, rate = dynamics.torque, dynamics.torque_rate
-    if settings.ankle_stiffness != 0.0:
+    if not absent(settings.ankle_stiffness):
         stiffness = settings.ankle_stiffness * GRAVITY * run.leg
-        bent = angles.foot - angles.thigh + angles.knee - math.radians(settings.ankle_rest_deg)
+        bent = angles.foot - angles.thigh + angles.knee - settings.ankle_rest_deg * DEGREE
         held = functional.pad(
             (stiffness * bent).unsqueeze(2), (0, 0, 0, 2, ANKLES.start, len(SEGMENTS) - 1 - ANKLES.stop)
         )
@@ -155,7 +156,7 @@ def muscle_power(pull: Pull, muscles: Muscles, transfer: float) -> Tensor:
     do (van Ingen Schenau 1989).
     """
     power = pull.torque * (pull.rate + pull.torque_rate * muscles.give)
-    if transfer == 0.0:
+    if absent(transfer):
         return power
     legs = power[:, LEG_JOINTS, 0].unflatten(1, (3, 2))
     mixed = transfer * legs.mean(1, keepdim=True) + (1.0 - transfer) * legs
@@ -231,8 +232,8 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
         return (run.external_work() / (asked.energy * asked.external_work) - 1.0) ** 2
 
     wish = settings.human
-    lean, drop, yaw = (math.radians(x) for x in (wish.trunk_lean_deg, wish.pelvis_drop_deg, wish.pelvis_yaw_deg))
-    arms = math.radians(wish.arm_swing_deg) * asked.energy**wish.arm_growth
+    lean, drop, yaw = (DEGREE * x for x in (wish.trunk_lean_deg, wish.pelvis_drop_deg, wish.pelvis_yaw_deg))
+    arms = DEGREE * wish.arm_swing_deg * asked.energy**wish.arm_growth
     rows = [
         Term("positive_work", settings.positive_work, lambda r: done(r, 0), "effort"),
         Term("negative_work", settings.negative_work, lambda r: done(r, 1), "effort"),

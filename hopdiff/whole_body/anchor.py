@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from hopdiff.whole_body.fixed_point import fixed_point
 from hopdiff.whole_body.movement import Movement
 
 SOLVING = 60  # rounds of the movement itself
@@ -21,6 +22,7 @@ SOLVED = 1e-6  # m and rad that its last round may go
 NUDGE = 1e-6  # of differences, in m, rad, s
 
 Genes = dict[str, Tensor]
+Rounds = Callable[[Tensor], Callable[[Tensor, Tensor], Tensor]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,28 +39,36 @@ class Anchor:
     answer: Tensor
 
     @classmethod
-    def of(cls, made: Callable[[Genes], Movement], genes: Genes) -> Anchor | None:
-        """The anchor at genes (1,) of movements that `made` makes of genes; None where that movement is not solved."""
+    def of(cls, made: Callable[[Genes], Movement], genes: Genes, rounds: Rounds | None = None) -> Anchor | None:
+        """The anchor at genes (1,) of movements that `made` makes of genes; None where that movement is not solved.
+
+        rounds: from values (P, G) in the order of the genes to what `Movement.round` of them is, where something
+        quicker than that does it.
+        """
         with torch.no_grad():
-            own = made(genes)
-            state, moved = own.solve(SOLVING)
+            values = torch.stack(list(genes.values()), dim=-1)
+            each: Rounds = rounds or (lambda many: made(dict(zip(genes, many.unbind(-1), strict=True))).round)
+            own, one_round = made(genes), each(values)
+            state, moved = fixed_point(own.start(), one_round, own.inverse_inertia, SOLVING, 0)
             if not bool(moved < SOLVED):
                 return None
             told = own.inverse_inertia(state)
-            values = torch.stack(list(genes.values()), dim=-1)
             size, count = state.shape[-1], values.shape[-1]
-            many = made({name: value.expand(size) for name, value in genes.items()})
             nudged = state + NUDGE * torch.eye(size, dtype=state.dtype, device=state.device)
-            still = own.round(state, told)
-            bends = (many.round(nudged, told) - still) / NUDGE  # (K, K): row k, what number k of the state does
+            still = one_round(state, told)
+            # (K, K): row k, what number k of the state does
+            bends = (each(values.expand(size, -1))(nudged, told) - still) / NUDGE
             turned = values + NUDGE * torch.eye(count, dtype=state.dtype, device=state.device)
-            others = made(dict(zip(genes, turned.unbind(-1), strict=True)))
-            pushes = (others.round(state.expand(count, -1), told) - still) / NUDGE
+            pushes = (each(turned)(state.expand(count, -1), told) - still) / NUDGE
             answer = torch.linalg.inv(torch.eye(size, dtype=state.dtype, device=state.device) - bends)
             if not bool(answer.isfinite().all()):
                 return None
             return cls(values, state, told, pushes @ answer, answer)
 
+    def near(self, values: Tensor) -> Tensor:
+        """(P, K) the state of movements of similar genes (P, G), taken for linear."""
+        return self.state + (values - self.genes) @ self.slopes
+
     def guess(self, genes: Genes) -> Tensor:
-        """(P, K) the state of movements of similar genes (P,), taken for linear."""
-        return self.state + (torch.stack(list(genes.values()), dim=-1) - self.genes) @ self.slopes
+        """The same of genes (P,) by name."""
+        return self.near(torch.stack(list(genes.values()), dim=-1))

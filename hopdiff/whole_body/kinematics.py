@@ -93,7 +93,7 @@ def arm_frames(angles: Angles) -> Tensor:
 def placed(matrix: Tensor, root: Tensor, frames: Tensor) -> Tensor:
     """(P, N, 3, M) points [m] that hang on the body: `Layout.hanging` or `weighing` (N, 3 S), the root (P, 3, M) middle
     between the hips [m], and the frames (P, S, 3, 3, M)."""
-    hung = matrix @ frames.reshape(len(frames), matrix.shape[1], -1)
+    hung = matrix @ frames.reshape(frames.shape[0], matrix.shape[1], -1)
     found: Tensor = root.unsqueeze(1) + hung.unflatten(2, (3, -1))
     return found
 

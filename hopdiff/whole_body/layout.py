@@ -150,6 +150,11 @@ class Layout:
     def mass(self) -> float:
         return self.character.mass
 
+    @cached_property
+    def leg_length(self) -> float:
+        """From hip to sole, standing [m]."""
+        return self.character.leg_length
+
     @property
     def leg(self) -> float:
         """Length of thigh and shank [m]."""

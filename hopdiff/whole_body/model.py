@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from hopdiff.character import Character
-from hopdiff.whole_body.anchor import Anchor
+from hopdiff.numerics import absent
+from hopdiff.whole_body.anchor import Anchor, Rounds
 from hopdiff.whole_body.gait import BodyGait
 from hopdiff.whole_body.layout import Layout
 from hopdiff.whole_body.movement import Body, Movement
@@ -44,7 +45,7 @@ class BodyModel:
 
     def movement(self, genes: dict[str, Tensor], speed: Tensor) -> Movement:
         """genes: name -> (P,) in SI units and rad. speed: (P,) [m/s]. Nothing is solved yet."""
-        if self.amount <= 0.0:
+        if absent(self.amount):
             return Movement(self.layout, self.plan, genes, speed, self.plan.durations(genes))
         step, contact = genes["step_time"], genes["step_time"] * genes["contact_share"]
         # Contacts are as long on the average as without a limp, flights are equal, and feet press equally hard.
@@ -61,9 +62,12 @@ class BodyModel:
             torch.stack((share, 1.0 - share), dim=-1),
         )
 
-    def anchor(self, genes: dict[str, Tensor], speed: Tensor) -> Anchor | None:
-        """What guides the solution of movements near that of genes (1,) at a speed (1,) [m/s]; None if it has none."""
-        return Anchor.of(lambda near: self.movement(near, speed.expand(len(near["step_time"]))), genes)
+    def anchor(self, genes: dict[str, Tensor], speed: Tensor, rounds: Rounds | None = None) -> Anchor | None:
+        """What guides the solution of movements near that of genes (1,) at a speed (1,) [m/s]; None if it has none.
+
+        rounds: see `Anchor.of`.
+        """
+        return Anchor.of(lambda near: self.movement(near, speed.expand(len(near["step_time"]))), genes, rounds)
 
     def solved(
         self, genes: dict[str, Tensor], speed: Tensor, with_grad: bool, anchor: Anchor | None = None

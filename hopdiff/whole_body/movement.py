@@ -199,7 +199,7 @@ class Movement:
             off = off + first[:, None, None] * pitch_only
         else:
             asked = grid.total_of(rates + (turned * off.unsqueeze(1)).sum(2))
-            summed = grid.total_of(turned.expand(len(off), -1, -1, -1))
+            summed = grid.total_of(turned.expand(off.shape[0], -1, -1, -1))
             off = off - torch.linalg.solve_ex(summed, asked.unsqueeze(-1))[0]
         chest = grid.integral(rates + (turned * off.unsqueeze(1)).sum(2))
         mean = grid.mean_of(chest)

@@ -126,7 +126,7 @@ class Support:
         self.footings: list[Footing] = []
         self.pieces: list[Places] = []
         count = len(plan.contacts)
-        shares = speed.new_full((len(speed), count), 1.0 / count) if shares is None else shares
+        shares = speed.new_full((speed.shape[0], count), 1.0 / count) if shares is None else shares
         middles = []
         for k, contact in enumerate(plan.contacts):
             durations = torch.stack([grid.durations[:, k % plan.count] for k in contact.phases], dim=-1)

@@ -131,7 +131,7 @@ def test_a_body_four_times_as_tall_runs_twice_as_fast_at_the_same_cost() -> None
     powers = []
     problems = body_problem(*ORDINARY), body_problem("speed=7", "beta=0.2", "character.height=7.0")
     for p, run in zip(problems, runs, strict=True):
-        power = muscle_power(muscle_pull(run, p.settings), p.muscles, p.settings.transfer)
+        power = muscle_power(muscle_pull(run, p.settings), p.pricing.numbers.muscles, p.settings.transfer)
         powers.append(power / (9.81 * p.speed))
     inner = slice(2, 22)
     torch.testing.assert_close(powers[1][..., inner], powers[0][..., inner], rtol=0.0, atol=1e-5)
