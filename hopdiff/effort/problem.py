@@ -31,7 +31,7 @@ from hopdiff.whole_body.anchor import Anchor
 from hopdiff.whole_body.dynamics import dynamics
 from hopdiff.whole_body.finish import stride_motion
 from hopdiff.whole_body.gait import BodyGait
-from hopdiff.whole_body.model import BodyModel
+from hopdiff.whole_body.model import BESIDE_ROUNDS, BodyModel
 
 CHUNK = 64  # candidates priced at once: more are slower, and need memory
 LOST = 0.05  # m and rad of the last round beyond which a candidate's cost says nothing
@@ -164,10 +164,10 @@ class BodyProblem:
             _found[key] = Least(float(run.external_work()), float(run.contact_times().mean()), result.best_genes)
         return _found[key]
 
-    def run(self, genes: Tensor, with_grad: bool) -> Priced:
-        """The solved movements of candidates (P, G) of the unit box."""
+    def run(self, genes: Tensor, with_grad: bool, start: Tensor | None = None) -> Priced:
+        """The solved movements of candidates (P, G) of the unit box. start: (P, K), see `BodyModel.solved`."""
         speed = torch.full((genes.shape[0],), self.speed, dtype=genes.dtype, device=genes.device)
-        movement, body, moved = self.model.solved(self.table.decode(genes), speed, with_grad, self.anchor)
+        movement, body, moved = self.model.solved(self.table.decode(genes), speed, with_grad, self.anchor, start)
         return Priced(movement, body, dynamics(movement, body), moved)
 
     def solved(self, genes: Tensor) -> Priced:
@@ -177,13 +177,30 @@ class BodyProblem:
             movement, body, moved = self.model.exact(self.table.decode(genes), speed, self.anchor)
             return Priced(movement, body, dynamics(movement, body), moved)
 
-    def _priced(self, genes: Tensor, with_grad: bool, with_residuals: bool = False) -> Bill:
+    def _priced(
+        self, genes: Tensor, with_grad: bool, with_residuals: bool = False, start: Tensor | None = None
+    ) -> Bill:
         """What candidates cost, by compiled kernels where there are some."""
         if self.kernels is not None and self.anchor is not None:
-            model = self.model
-            adjoint_rounds = model.adjoint_rounds if with_grad else 0
-            return self.kernels.price(self.table.values(genes), self.anchor, model.rounds, adjoint_rounds)
-        return self.pricing.price(self.run(genes, with_grad), with_residuals)
+            rounds = self.model.rounds if start is None else BESIDE_ROUNDS
+            adjoint_rounds = self.model.adjoint_rounds if with_grad else 0
+            return self.kernels.price(self.table.values(genes), self.anchor, rounds, adjoint_rounds, start)
+        return self.pricing.price(self.run(genes, with_grad, start), with_residuals)
+
+    def _beside(self, genes: Tensor, group: int) -> Tensor | None:
+        """Where candidates (P, G) begin to be solved that come in groups: the first of each is solved alone."""
+        if self.anchor is None:
+            return None
+        values = self.table.values(genes)
+        first = values[::group]
+        if self.kernels is None:
+            speed = torch.full_like(first[:, 0], self.speed)
+            movement = self.model.movement(self.table.decode(genes[::group]), speed)
+            solved = movement.solve(self.model.rounds, guide=self.anchor)[0]
+        else:
+            solved = self.kernels.solve(first, self.anchor, self.model.rounds)[0]
+        solved, first = (x.repeat_interleave(group, dim=0) for x in (solved, first))
+        return self.anchor.beside(solved, values - first)
 
     def evaluate(self, genes: Tensor, with_grad: bool) -> Eval:
         """Price candidates (P, G) of the unit box; `with_grad` adds the gradient of the merit."""
@@ -191,7 +208,14 @@ class BodyProblem:
 
     def residuals(self, genes: Tensor) -> Eval:
         """The same without gradient, but with residuals: of the terms one after the other, and of the penalty."""
-        return _joined([self._with_residuals(part) for part in genes.detach().split(CHUNK)])
+        return _joined([self._with_residuals(part, None) for part in genes.detach().split(CHUNK)])
+
+    def residuals_about(self, genes: Tensor, group: int) -> Eval:
+        """The same of candidates in groups: one, and `group` - 1 so close to it that they tell how it changes."""
+        size = max(CHUNK // group, 1) * group
+        with torch.no_grad():
+            parts = genes.detach().split(size)
+            return _joined([self._with_residuals(part, self._beside(part, group)) for part in parts])
 
     def _evaluated(self, genes: Tensor, with_grad: bool) -> Eval:
         if with_grad:
@@ -205,9 +229,9 @@ class BodyProblem:
                 computable = computable & sound
         return _told(bill, computable, gradient)
 
-    def _with_residuals(self, genes: Tensor) -> Eval:
+    def _with_residuals(self, genes: Tensor, start: Tensor | None) -> Eval:
         with torch.no_grad():
-            bill = self._priced(genes, with_grad=False, with_residuals=True)
+            bill = self._priced(genes, with_grad=False, with_residuals=True, start=start)
         return _told(bill, torch.isfinite(bill.merit) & (bill.moved < LOST))._replace(residuals=bill.residuals)
 
     def gait(self, genes: Tensor) -> BodyGait:

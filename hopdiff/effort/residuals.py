@@ -11,20 +11,9 @@ from torch import Tensor
 from hopdiff.effort.limits import MARGINS, Excess
 from hopdiff.effort.priced import Priced
 from hopdiff.effort.settings import EffortSettings
-from hopdiff.effort.terms import (
-    Asked,
-    Muscles,
-    Pull,
-    largest_swing_knee,
-    mid_stance_drop,
-    muscle_power,
-    muscle_pull,
-    touchdown_yaw,
-)
+from hopdiff.effort.terms import Asked, Effort, Muscles, largest_swing_knee, mid_stance_drop, touchdown_yaw
 from hopdiff.numerics import DEGREE, GRAVITY
 from hopdiff.objective import Term
-
-POWER_WIDTH = 0.0024  # of g sqrt(g l): over which positive and negative power pass into each other
 
 
 def with_residuals(
@@ -35,20 +24,19 @@ def with_residuals(
     wish = settings.human
     lean, drop, yaw = (DEGREE * x for x in (wish.trunk_lean_deg, wish.pelvis_drop_deg, wish.pelvis_yaw_deg))
 
-    def pull(run: Priced) -> Pull:
-        return run.once("pull", lambda: muscle_pull(run, settings))
+    effort = Effort(settings, muscles)
+
+    def size(run: Priced) -> Tensor:
+        # rounded where the power changes its sign: the root of a kink has no slope there
+        return torch.sqrt(effort.power(run) ** 2 + run.power_width**2)
 
     def work(run: Priced, sign: float) -> Tensor:
-        power = sign * muscle_power(pull(run), muscles, settings.transfer)
-        # rounded where the power changes its sign: the root of a kink has no slope there
-        width = POWER_WIDTH * GRAVITY * run.leg / run.pace
-        return _root(run, 0.5 * (power + torch.sqrt(power**2 + width**2)))
+        return _root(run, 0.5 * (run.once("size", lambda: size(run)) + sign * effort.power(run)))
 
     def held(run: Priced, order: int) -> Tensor:
-        here = pull(run)
-        strain = muscles.strain(here.torque, torch.ones_like(here.torque))
-        scale = _root(run, strain * (GRAVITY * run.leg / pace) * pace ** (2 * order))
-        return (here.torque, here.torque_rate)[order] * scale
+        pull = effort.pull(run)
+        scale = run.once("scale", lambda: _root(run, effort.burden(run) * (GRAVITY * run.leg / pace)))
+        return (pull.torque, pull.torque_rate * pace)[order] * scale
 
     def missed(run: Priced) -> Tensor:
         assert asked.external_work is not None

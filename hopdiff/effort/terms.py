@@ -86,11 +86,11 @@ class Muscles(NamedTuple):
         forward, backward = (like.new_tensor(row).unsqueeze(-1) for row in rows)
         return cls(forward, backward, like.new_tensor(give).unsqueeze(-1))
 
-    def strain(self, torque: Tensor, values: Tensor) -> Tensor:
-        """(P, S - 1, 3, M) squares of values over the strength in the direction of the torque."""
+    def burden(self, torque: Tensor) -> Tensor:
+        """(P, S - 1, 3, M) one over the square of the strength in the direction of the torque."""
         ahead, behind = self.forward**-2, self.backward**-2
         turning = 1.0 / (TURNING * torch.minimum(self.forward, self.backward).clamp(max=1e3))
-        return values**2 * (behind + (ahead - behind) * torch.sigmoid(torque * turning))
+        return behind + (ahead - behind) * torch.sigmoid(torque * turning)
 
 
 def _pair(strengths: list[Any]) -> bool:
@@ -202,24 +202,39 @@ def _seen_by_limbs(run: Priced, angle: Tensor) -> list[Tensor]:
     return found
 
 
+class Effort(NamedTuple):
+    """What muscles do in a run, worked out once for all terms and their residuals."""
+
+    settings: EffortSettings
+    muscles: Muscles
+
+    def pull(self, run: Priced) -> Pull:
+        """On the finer nodes."""
+        return run.once("pull", lambda: muscle_pull(run, self.settings))
+
+    def power(self, run: Priced) -> Tensor:
+        """(P, S - 1, 3, F) [W/kg]."""
+        return run.once("power", lambda: muscle_power(self.pull(run), self.muscles, self.settings.transfer))
+
+    def work(self, run: Priced) -> tuple[Tensor, Tensor]:
+        """Positive and negative (P,), in body weights times the way."""
+        return run.once("work", lambda: run.work_per_way(self.power(run).flatten(1, 2)))
+
+    def burden(self, run: Priced) -> Tensor:
+        """(P, S - 1, 3, F) of `Muscles.burden`."""
+        return run.once("burden", lambda: self.muscles.burden(self.pull(run).torque))
+
+
 def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Asked, swing_knee: float) -> list[Term]:
     """The rows of the cost. pace: sqrt(l / g) [s]. swing_knee: wished for at this speed [rad].
 
     A new term is one more row here; its weight may be `settings.extra.get(NAME, DEFAULT)`, which costs.NAME sets.
     """
-
-    def pull(run: Priced) -> Pull:
-        return run.once("pull", lambda: muscle_pull(run, settings))
-
-    def work(run: Priced) -> tuple[Tensor, Tensor]:
-        return run.work_per_way(muscle_power(pull(run), muscles, settings.transfer).flatten(1, 2))
-
-    def done(run: Priced, sign: int) -> Tensor:
-        return run.once("work", lambda: work(run))[sign]
+    effort = Effort(settings, muscles)
 
     def held(run: Priced, order: int) -> Tensor:
-        here = pull(run)
-        strain = muscles.strain(here.torque, (here.torque, here.torque_rate)[order])
+        pull = effort.pull(run)
+        strain = (pull.torque, pull.torque_rate)[order] ** 2 * effort.burden(run)
         return run.fine_per_way(strain) * (GRAVITY * run.leg / pace) * pace ** (2 * order)
 
     def over(run: Priced) -> Tensor:
@@ -235,8 +250,8 @@ def terms_of(settings: EffortSettings, muscles: Muscles, pace: float, asked: Ask
     lean, drop, yaw = (DEGREE * x for x in (wish.trunk_lean_deg, wish.pelvis_drop_deg, wish.pelvis_yaw_deg))
     arms = DEGREE * wish.arm_swing_deg * asked.energy**wish.arm_growth
     rows = [
-        Term("positive_work", settings.positive_work, lambda r: done(r, 0), "effort"),
-        Term("negative_work", settings.negative_work, lambda r: done(r, 1), "effort"),
+        Term("positive_work", settings.positive_work, lambda r: effort.work(r)[0], "effort"),
+        Term("negative_work", settings.negative_work, lambda r: effort.work(r)[1], "effort"),
         Term("torque", settings.torque, lambda r: held(r, 0), "effort"),
         Term("torque_rate", settings.torque_rate, lambda r: held(r, 1), "effort"),
         Term("steady", settings.steady, lambda r: r.mean((r.body.angles.chest[:, 2] / 0.1) ** 2), "effort"),

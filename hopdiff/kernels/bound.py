@@ -60,18 +60,20 @@ class Bound:
 
         return one_round
 
-    def price(self, values: Tensor, anchor: Anchor, rounds: int, adjoint_rounds: int) -> Bill:
-        """Solve and price candidates; values: (P, G). With adjoint_rounds the merit carries its gradient."""
+    def solve(
+        self, values: Tensor, anchor: Anchor, rounds: int, adjoint_rounds: int = 0, start: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
+        """`Movement.solve` of candidates with those values (P, G)."""
         with torch.no_grad():
-            start = anchor.near(values)
-        state, moved = fixed_point(
-            start,
-            self.rounds(values),
-            lambda _: anchor.told,
-            rounds,
-            adjoint_rounds,
-            anchor.answer,
-        )
+            start = anchor.near(values) if start is None else start
+        one_round = self.rounds(values)
+        return fixed_point(start, one_round, lambda _: anchor.told, rounds, adjoint_rounds, anchor.answer)
+
+    def price(
+        self, values: Tensor, anchor: Anchor, rounds: int, adjoint_rounds: int, start: Tensor | None = None
+    ) -> Bill:
+        """Solve and price candidates; values: (P, G). With adjoint_rounds the merit carries its gradient."""
+        state, moved = self.solve(values, anchor, rounds, adjoint_rounds, start)
         if not adjoint_rounds:
             merit, status, terms, residuals = self.call("roots", (values, state, moved))
             return Bill(merit, self._named(terms), status, moved, residuals)

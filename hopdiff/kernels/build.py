@@ -14,6 +14,7 @@ from pathlib import Path
 import torch
 from filelock import FileLock
 from torch import Tensor
+from torch._functorch.compile_utils import fx_graph_cse
 from torch._inductor import aoti_compile_and_package
 from torch.fx.experimental.proxy_tensor import make_fx
 
@@ -63,6 +64,7 @@ def _compile(told: Told, name: str, example: tuple[Tensor, ...], path: Path) -> 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         graph = make_fx(traced, tracing_mode="symbolic", _allow_non_fake_inputs=True)(*given)
+        graph.graph = fx_graph_cse(graph.graph)
         graph.graph.eliminate_dead_code()
         graph.recompile()
         many = torch.export.Dim("P", min=2, max=MOST)

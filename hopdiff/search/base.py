@@ -37,11 +37,15 @@ class Eval(NamedTuple):
 
 class Asked(NamedTuple):
     """What a search wants to know: genes (P, G) of the unit box, and what of them besides cost and merit. A plain pair
-    (genes, with_grad) says the same without residuals; gradient and residuals are not to be had at once."""
+    (genes, with_grad) says the same without residuals; gradient and residuals are not to be had at once.
+
+    group: candidates whose residuals are wanted come in groups of so many, each about its first.
+    """
 
     genes: Tensor
     with_grad: bool = False
     with_residuals: bool = False
+    group: int = 1
 
 
 @runtime_checkable
@@ -54,7 +58,9 @@ class Problem(Protocol):
 
     A problem whose merit is a sum of squares may have a method `residuals(genes) -> Eval`: what `evaluate` returns
     without gradient, with `Eval.residuals`. Their number R may be any, but the same for every candidate. A sum of
-    squares tells its curvature: with it descents take a fraction of the steps (`hopdiff.search.lm`).
+    squares tells its curvature: with it descents take a fraction of the steps (`hopdiff.search.lm`). A method
+    `residuals_about(genes, group) -> Eval` may do the same more quickly of candidates in groups, where only differences
+    from the first of each matter.
     """
 
     @property

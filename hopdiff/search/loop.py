@@ -161,10 +161,10 @@ def run_search(
 
 def _asked(answer: Any, dimension: int) -> Asked:
     """What a search asked for. Raises HopdiffError if that is no batch of points and a wish for gradients."""
-    if isinstance(answer, tuple) and len(answer) in (2, 3):
-        genes, with_grad, with_residuals = (*answer, False)[:3]
-        if isinstance(genes, Tensor) and genes.ndim == 2 and genes.shape[1] == dimension:
-            return Asked(genes, bool(with_grad), bool(with_residuals))
+    if isinstance(answer, Asked | tuple) and 2 <= len(answer) <= len(Asked._fields):
+        asked = Asked(*answer)
+        if isinstance(asked.genes, Tensor) and asked.genes.ndim == 2 and asked.genes.shape[1] == dimension:
+            return asked._replace(with_grad=bool(asked.with_grad), with_residuals=bool(asked.with_residuals))
     raise HopdiffError(
         f"what a search asks for must be a tensor of shape (P, {dimension}) and whether its gradient is wanted."
     )
@@ -176,7 +176,10 @@ def _evaluated(problem: Problem, asked: Asked) -> Eval:
     residuals = getattr(problem, "residuals", None)
     if residuals is None:
         raise HopdiffError("the search asks for the residuals of the cost, which this problem does not tell.")
-    found: Eval = residuals(asked.genes)
+    about = getattr(problem, "residuals_about", None)
+    # A batch that is cut has no whole groups, and none that would be told.
+    whole = asked.group > 1 and len(asked.genes) % asked.group == 0
+    found: Eval = about(asked.genes, asked.group) if about is not None and whole else residuals(asked.genes)
     return found
 
 

@@ -50,7 +50,8 @@ class Pack(NamedTuple):
     def ask(self) -> tuple[Tensor, bool] | Asked:
         if self.probing:
             assert isinstance(self.descent, Lm)
-            return Asked(self.descent.probes(self._index(self.probing)), with_residuals=True)
+            probes = self.descent.probes(self._index(self.probing))
+            return Asked(probes, with_residuals=True, group=probes.shape[-1] + 1)
         return self.descent.trial(), True
 
     def told(self, genes: Tensor, result: Eval) -> tuple[Pack, Tensor | None]:

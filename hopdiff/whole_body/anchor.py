@@ -67,7 +67,11 @@ class Anchor:
 
     def near(self, values: Tensor) -> Tensor:
         """(P, K) the state of movements of similar genes (P, G), taken for linear."""
-        return self.state + (values - self.genes) @ self.slopes
+        return self.beside(self.state, values - self.genes)
+
+    def beside(self, state: Tensor, moved: Tensor) -> Tensor:
+        """(P, K) the state of movements whose values lie `moved` (P, G) beside those of solved ones (P or 1, K)."""
+        return state + moved @ self.slopes
 
     def guess(self, genes: Genes) -> Tensor:
         """The same of genes (P,) by name."""

@@ -17,6 +17,7 @@ from hopdiff.whole_body.movement import Body, Movement
 from hopdiff.whole_body.plan import LIMP, RUN, Plan
 
 FINAL_ROUNDS = 30  # of a movement that is written
+BESIDE_ROUNDS = 3  # of one so close to a solved movement that only differences between them matter
 UNGUIDED = 3  # more rounds that a movement takes without an anchor
 
 
@@ -70,14 +71,22 @@ class BodyModel:
         return Anchor.of(lambda near: self.movement(near, speed.expand(len(near["step_time"]))), genes, rounds)
 
     def solved(
-        self, genes: dict[str, Tensor], speed: Tensor, with_grad: bool, anchor: Anchor | None = None
+        self,
+        genes: dict[str, Tensor],
+        speed: Tensor,
+        with_grad: bool,
+        anchor: Anchor | None = None,
+        start: Tensor | None = None,
     ) -> tuple[Movement, Body, Tensor]:
-        """Movement, body, and how far the last round of the solution still went (P,)."""
+        """Movement, body, and how far the last round of the solution still went (P,).
+
+        start: (P, K) of movements beside solved ones, see `Anchor.beside`; the last rounds of them are enough.
+        """
         movement = self.movement(genes, speed)
-        rounds, adjoint = self.rounds, self.adjoint_rounds
+        rounds, adjoint = self.rounds if start is None else BESIDE_ROUNDS, self.adjoint_rounds
         if anchor is None:
             rounds, adjoint = rounds + UNGUIDED, adjoint + UNGUIDED
-        state, moved = movement.solve(rounds, adjoint if with_grad else 0, anchor)
+        state, moved = movement.solve(rounds, adjoint if with_grad else 0, anchor, start)
         return movement, movement.body(state), moved
 
     def exact(

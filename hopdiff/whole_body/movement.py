@@ -250,13 +250,16 @@ class Movement:
             found: Tensor = torch.linalg.inv(torch.stack(columns, dim=-1).permute(0, 2, 1, 3))
             return found
 
-    def solve(self, rounds: int, adjoint_rounds: int = 0, guide: Guide | None = None) -> tuple[Tensor, Tensor]:
+    def solve(
+        self, rounds: int, adjoint_rounds: int = 0, guide: Guide | None = None, start: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
         """The state (P, K) after `rounds` rounds, and how far its last round moved it (P,).
 
-        With adjoint_rounds the state carries the gradient of the fixed point. guide: what makes them fewer.
+        With adjoint_rounds the state carries the gradient of the fixed point. guide: what makes them fewer. start:
+        (P, K) a better guess than the guide's.
         """
         if guide is None:
             return fixed_point(self.start(), self.round, self.inverse_inertia, rounds, adjoint_rounds)
         with torch.no_grad():
-            start = guide.guess(self.genes)
+            start = guide.guess(self.genes) if start is None else start
         return fixed_point(start, self.round, lambda _: guide.told, rounds, adjoint_rounds, guide.answer)
