@@ -43,6 +43,11 @@ class Job:
     settings: dict[str, Any]
     saved: dict[str, Any]
 
+    @property
+    def word(self) -> str:
+        """Why evaluations are not compiled, where they could have been; nothing otherwise."""
+        return self.problem.word if isinstance(self.problem, BodyProblem) else ""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -129,6 +134,7 @@ def _provenance(job: Job, motion: Motion, result: SearchResult | None) -> dict[s
         "invalid_fraction": result.invalid_fraction if result else 0.0,
         "wall_seconds": result.seconds if result else 0.0,
         "stopped": result.stopped if result else "",
+        "compiled": isinstance(job.problem, BodyProblem) and job.problem.kernels is not None,
         "search": job.search.name if result else "none",
         "model": job.settings["model"]["name"],
         "costs": job.settings["costs"]["name"],

@@ -26,6 +26,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             seen[test] += 1
 
 
+@pytest.fixture(autouse=True, scope="session")
+def nothing_compiled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Whatever the user has compiled, tests know nothing of it, nor do the programs that they start."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOPDIFF_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 @pytest.fixture(autouse=True)
 def one_thread() -> Iterator[None]:
     """Small tensors are quickest on one thread, and results do not depend on the machine."""

@@ -48,7 +48,8 @@ class Bound:
             self.loaded[piece] = load(self.folder, piece)
         # The kernels' loops are for two candidates and more.
         own = [x.expand(2, *x.shape[1:]) if count == 1 else x for x in each]
-        whole = self.loaded[piece]([*(x.contiguous() for x in own), *shared, *self._numbers])
+        # Nor do they ask how their inputs lie in memory.
+        whole = self.loaded[piece]([x.contiguous() for x in (*own, *shared, *self._numbers)])
         return [x[:count] for x in whole] if count == 1 else whole
 
     def rounds(self, values: Tensor) -> Callable[[Tensor, Tensor], Tensor]:

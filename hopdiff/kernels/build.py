@@ -20,7 +20,7 @@ from torch.fx.experimental.proxy_tensor import make_fx
 
 from hopdiff.kernels.numbers import numbers_of, packed, with_numbers
 from hopdiff.kernels.pieces import Piece, Told
-from hopdiff.kernels.store import ENDING, MOST, PIECES, SETTINGS
+from hopdiff.kernels.store import ENDING, MOST, PIECES, SETTINGS, tidy
 
 TRACED = 6  # candidates of the tracing; any number that is neither 0 nor 1 will do
 
@@ -48,6 +48,7 @@ def build(told: Told, values: Tensor, folder: Path, say: Callable[[str], None]) 
                 partial = Path(made) / path.name
                 _compile(told, piece, (values, state, *more[piece]), partial)
                 partial.replace(path)
+    tidy()
 
 
 def _compile(told: Told, name: str, example: tuple[Tensor, ...], path: Path) -> None:
@@ -59,7 +60,7 @@ def _compile(told: Told, name: str, example: tuple[Tensor, ...], path: Path) -> 
         piece: Piece = getattr(own, name)
         return piece(*given[:count])
 
-    given = (*example, packed(plain, example[0]), *tensors)
+    given = tuple(x.contiguous() for x in (*example, packed(plain, example[0]), *tensors))
     traced(*given)  # constants of the nodes are made once and kept: not in the middle of a trace
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -70,4 +71,4 @@ def _compile(told: Told, name: str, example: tuple[Tensor, ...], path: Path) -> 
         many = torch.export.Dim("P", min=2, max=MOST)
         shapes = tuple({0: many} if k < count and x.shape[0] == TRACED else None for k, x in enumerate(given))
         exported = torch.export.export(graph, given, dynamic_shapes=shapes, strict=False)
-        aoti_compile_and_package(exported, package_path=str(path), inductor_configs=SETTINGS)
+        aoti_compile_and_package(exported, package_path=str(path), inductor_configs=dict(SETTINGS))

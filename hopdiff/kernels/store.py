@@ -18,8 +18,9 @@ from torch import Tensor
 PIECES = ("round", "pull", "roots", "slopes")  # methods of `hopdiff.kernels.pieces.Told`
 MOST = 64  # candidates at once
 ENDING = ".pt2"
+NAME, KEPT = 24, 8  # letters of a folder's name, and how many folders are kept
 CACHE = "HOPDIFF_CACHE"  # names another folder for them
-SOURCES = ("whole_body", "effort", "kernels", "numerics.py", "objective.py", "motion.py")  # what the equations stand in
+SOURCES = ("whole_body", "effort", "kernels/numbers.py", "kernels/pieces.py", "numerics.py", "objective.py")
 # More operations in one loop make little less work for the machine and minutes more for the compiler.
 SETTINGS = {"aot_inductor.compile_wrapper_opt_level": "O0", "max_fusion_size": 16, "cpp.threads": 1}
 
@@ -47,7 +48,14 @@ def equations() -> str:
 def folder_of(structure: str) -> Path:
     """The folder of the kernels of one structure, there or not."""
     machine = (torch.__version__, torch.backends.cpu.get_cpu_capability(), str(SETTINGS), equations())
-    return cache_folder() / hashlib.sha256("\n".join((structure, *machine)).encode()).hexdigest()[:24]
+    return cache_folder() / hashlib.sha256("\n".join((structure, *machine)).encode()).hexdigest()[:NAME]
+
+
+def tidy() -> None:
+    """Only the KEPT folders that were written last stay: others are of equations or versions that have gone."""
+    folders = [path for path in cache_folder().glob("[0-9a-f]" * NAME) if path.is_dir()]
+    for folder in sorted(folders, key=lambda path: path.stat().st_mtime, reverse=True)[KEPT:]:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def is_built(folder: Path) -> bool:

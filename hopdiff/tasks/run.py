@@ -35,6 +35,8 @@ def build(call: Call) -> Work:
 
 def searched(job: Job) -> SearchResult:
     """The search of a job with a progress bar. Raises HopdiffError if no valid candidate turned up."""
+    if job.word:
+        say(job.word)
     with progress(job.budget.evaluations) as on_step:
         result = find(job, on_step)
     if result.interrupted:

@@ -198,10 +198,10 @@ def test_muscles_are_as_strong_as_the_direction_they_pull_in() -> None:
     torque = torch.zeros_like(run.dynamics.torque)
     for size, strength in ((5.0, 0.2 * unit), (-5.0, 0.4 * unit)):
         torque[:, knee] = size
-        found = muscles.strain(torque, torque)[0, knee, :, 0]
+        found = (torque**2 * muscles.burden(torque))[0, knee, :, 0]
         assert found.tolist() == pytest.approx([25.0 / strength**2, 0.0, 25.0 / (0.3 * unit) ** 2], rel=1e-9)
     # Where no torque is asked for, the two directions meet half-way.
-    middle = muscles.strain(torch.zeros_like(torque), torch.ones_like(torque))[0, knee, 0, 0]
+    middle = muscles.burden(torch.zeros_like(torque))[0, knee, 0, 0]
     assert float(middle) == pytest.approx(0.5 * ((0.2 * unit) ** -2 + (0.4 * unit) ** -2))
 
 
