@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -15,18 +14,17 @@ from hopdiff.effort.pricing import Bill
 from hopdiff.effort.terms import ASKING, ORDINARY_TARGET
 from hopdiff.kernels.numbers import numbers_of, packed
 from hopdiff.kernels.pieces import Told
-from hopdiff.kernels.store import MOST, Kernel, load
+from hopdiff.kernels.store import MOST, Kernel
 from hopdiff.whole_body.anchor import Anchor
 from hopdiff.whole_body.fixed_point import fixed_point
 
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """folder: of kernels that are built, of the structure of `told`. loaded: those that were used."""
+    """kernels: by piece, of the structure of `told`."""
 
-    folder: Path
+    kernels: Mapping[str, Kernel]
     told: Told
-    loaded: dict[str, Kernel] = field(default_factory=dict)
 
     @cached_property
     def _numbers(self) -> list[Tensor]:
@@ -44,12 +42,10 @@ class Bound:
             parts = zip(*(x.split(MOST) for x in each), strict=True)
             found = zip(*(self.call(piece, part, shared) for part in parts), strict=True)
             return [torch.cat(one) for one in found]
-        if piece not in self.loaded:
-            self.loaded[piece] = load(self.folder, piece)
         # The kernels' loops are for two candidates and more.
         own = [x.expand(2, *x.shape[1:]) if count == 1 else x for x in each]
         # Nor do they ask how their inputs lie in memory.
-        whole = self.loaded[piece]([x.contiguous() for x in (*own, *shared, *self._numbers)])
+        whole = self.kernels[piece]([x.contiguous() for x in (*own, *shared, *self._numbers)])
         return [x[:count] for x in whole] if count == 1 else whole
 
     def rounds(self, values: Tensor) -> Callable[[Tensor, Tensor], Tensor]:

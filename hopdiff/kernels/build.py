@@ -20,7 +20,9 @@ from torch.fx.experimental.proxy_tensor import make_fx
 
 from hopdiff.kernels.numbers import numbers_of, packed, with_numbers
 from hopdiff.kernels.pieces import Piece, Told
-from hopdiff.kernels.store import ENDING, MOST, PIECES, SETTINGS, tidy
+from hopdiff.kernels.store import ENDING, MOST, PIECES, SETTINGS, compiler, tidy
+from hopdiff.messages import one_line
+from hopdiff.types import HopdiffError
 
 TRACED = 6  # candidates of the tracing; any number that is neither 0 nor 1 will do
 
@@ -36,7 +38,10 @@ def build(told: Told, values: Tensor, folder: Path, say: Callable[[str], None]) 
     movement = told.movement(values)
     state = movement.start()
     shared, still = movement.inverse_inertia(state)[:1], values.new_zeros(TRACED)
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise HopdiffError(f"compile=true: {folder} cannot be written: {error.strerror}.") from error
     more = {"round": (shared,), "pull": (torch.ones_like(state), shared), "roots": (still,), "slopes": (still,)}
     with FileLock(folder / "lock"):
         for k, piece in enumerate(PIECES):
@@ -71,4 +76,10 @@ def _compile(told: Told, name: str, example: tuple[Tensor, ...], path: Path) -> 
         many = torch.export.Dim("P", min=2, max=MOST)
         shapes = tuple({0: many} if k < count and x.shape[0] == TRACED else None for k, x in enumerate(given))
         exported = torch.export.export(graph, given, dynamic_shapes=shapes, strict=False)
-        aoti_compile_and_package(exported, package_path=str(path), inductor_configs=dict(SETTINGS))
+        settings = {**SETTINGS, "cpp.cxx": (None, compiler())}
+        try:
+            aoti_compile_and_package(exported, package_path=str(path), inductor_configs=settings)
+        except (RuntimeError, OSError) as error:
+            raise HopdiffError(
+                f"compile=true: {compiler()} could not compile the kernels: {one_line(error)}"
+            ) from error

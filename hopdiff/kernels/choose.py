@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 from typing import NamedTuple
 
 import torch
@@ -11,8 +12,8 @@ from torch import Tensor
 from hopdiff.kernels.bound import Bound
 from hopdiff.kernels.numbers import numbers_of
 from hopdiff.kernels.pieces import Told
-from hopdiff.kernels.store import compiler, folder_of, is_built
-from hopdiff.messages import choose, say
+from hopdiff.kernels.store import PIECES, compiler, folder_of, is_built, load
+from hopdiff.messages import choose, one_line, say
 from hopdiff.types import HopdiffError
 
 AUTO, ON, OFF = "auto", "true", "false"
@@ -45,14 +46,25 @@ def chosen(mode: str, told: Told, values: Tensor, foreign: bool) -> Choice:
         return Choice(None, f"compile=auto: not compiled, {why}.")
     folder = folder_of(numbers_of(told)[2])
     if is_built(folder):
-        return Choice(Bound(folder, told), "")
+        return _loaded(folder, told, mode)
     if mode == AUTO:
         advice = "compile=true does it once" if compiler() else "with a C++ compiler, compile=true does it once"
         return Choice(None, f"compile=auto: nothing is compiled yet for runs of this kind; {advice}, in {MINUTES}.")
     if not compiler():
         raise HopdiffError("compile=true needs a C++ compiler: g++ or clang++ on PATH, or the one that CXX names.")
     import_module("hopdiff.kernels.build").build(told, values, folder, say)
-    return Choice(Bound(folder, told), "")
+    return _loaded(folder, told, mode)
+
+
+def _loaded(folder: Path, told: Told, mode: str) -> Choice:
+    """Kernels that are there, if this PyTorch takes them."""
+    try:
+        return Choice(Bound({piece: load(folder, piece) for piece in PIECES}, told), "")
+    except (RuntimeError, TypeError) as error:
+        why = f"what is compiled in {folder} cannot be loaded: {one_line(error)}"
+        if mode == ON:
+            raise HopdiffError(f"compile=true: {why}.") from error
+        return Choice(None, f"compile=auto: {why}.")
 
 
 def _unable(like: Tensor, foreign: bool) -> str:
@@ -63,6 +75,6 @@ def _unable(like: Tensor, foreign: bool) -> str:
         return "kernels are for dtype=float64"
     if foreign:
         return "the cost has terms of other packages"
-    if not hasattr(torch._C, "_aoti"):
+    if not hasattr(getattr(torch._C, "_aoti", None), "AOTIModelPackageLoader"):
         return f"PyTorch {torch.__version__} has no AOTInductor"
     return ""

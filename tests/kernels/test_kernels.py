@@ -13,7 +13,6 @@ from torch import Tensor
 
 from hopdiff.character import Character
 from hopdiff.effort.problem import BodyProblem
-from hopdiff.kernels import bound as bound_module
 from hopdiff.kernels import choose as choose_module
 from hopdiff.kernels import store
 from hopdiff.kernels.bound import Bound
@@ -33,6 +32,8 @@ OTHERS = [
     ("speed=2.5", "beta=0.5", "character=child", *LEAST),
 ]
 
+KERNELS: dict[str, store.Kernel] = {}  # of `traced`
+
 
 def told_of(problem: BodyProblem) -> Told:
     return Told.of(problem.table.names, problem.model, problem.pricing.numbers, problem.speed)
@@ -45,7 +46,7 @@ def traced(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
     elsewhere = told_of(body_problem("speed=4", "beta=0.6", "character.proportions.legs=1.1", *LEAST))
     calls = []
 
-    def load(folder: Path, piece: str) -> Callable[[list[Tensor]], list[Tensor]]:
+    def kernel(piece: str) -> Callable[[list[Tensor]], list[Tensor]]:
         def run(inputs: list[Tensor]) -> list[Tensor]:
             count = {"pull": 4}.get(piece, 3)
             given, plain, tensors = inputs[:count], inputs[count], inputs[count + 1 :]
@@ -56,14 +57,14 @@ def traced(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
 
         return run
 
-    monkeypatch.setattr(bound_module, "load", load)
+    monkeypatch.setattr("tests.kernels.test_kernels.KERNELS", {piece: kernel(piece) for piece in store.PIECES})
     return calls
 
 
 def with_kernels(*words: str) -> BodyProblem:
     """A problem of its own: others share one."""
     problem = body_problem.__wrapped__(*words)
-    problem.kernels = Bound(Path("nowhere"), told_of(problem))
+    problem.kernels = Bound(KERNELS, told_of(problem))
     return problem
 
 
@@ -196,6 +197,21 @@ def test_a_word_says_why_nothing_is_compiled(monkeypatch: pytest.MonkeyPatch, tm
     assert not (tmp_path / "none").exists()
 
 
+def test_kernels_that_cannot_be_loaded_are_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(store.CACHE, str(tmp_path))
+    problem = body_problem(*ORDINARY)
+    told, values = told_of(problem), problem.table.values(problem.start.unsqueeze(0))
+    folder = store.folder_of(numbers_of(told)[2])
+    folder.mkdir()
+    for piece in store.PIECES:
+        (folder / f"{piece}.pt2").write_bytes(b"broken")
+    found = chosen("auto", told, values, False)
+    assert found.kernels is None
+    assert "cannot be loaded" in found.word
+    with pytest.raises(HopdiffError, match=r"compile=true: what is compiled in .* cannot be loaded"):
+        chosen("true", told, values, False)
+
+
 def test_own_terms_are_not_compiled() -> None:
     found = body_problem(*ORDINARY)
     other = BodyProblem(
@@ -242,7 +258,7 @@ def test_a_piece_is_compiled_and_does_what_it_was_traced_from(monkeypatch: pytes
     build(told_of(problem), problem.table.values(problem.start.unsqueeze(0)), tmp_path, said.append)
     assert said == ["compiling kernels, 1 of 1 ..."]
     other = body_problem(*OTHERS[2])
-    kernels, anchor = Bound(tmp_path, told_of(other)), other.anchor
+    kernels, anchor = Bound({"round": store.load(tmp_path, "round")}, told_of(other)), other.anchor
     assert anchor is not None
     for count in (1, 2, 5, 70):
         genes = (other.start + 0.05 * (unit_genes(other, count, 0.3) - 0.5)).clamp(0.0, 1.0)

@@ -10,7 +10,15 @@ import pytest
 from hopdiff.cli import main
 from tests.builders import make_character, make_problem
 
-ABOUT_THE_SEARCH = {"evaluations", "gradient_evaluations", "invalid_fraction", "wall_seconds", "stopped", "search"}
+ABOUT_THE_SEARCH = {
+    "evaluations",
+    "gradient_evaluations",
+    "invalid_fraction",
+    "wall_seconds",
+    "stopped",
+    "compiled",
+    "search",
+}
 MOTIONS = ("motion.bvh", "motion_in_place.bvh")
 
 

@@ -68,6 +68,7 @@ METRICS = {
     "gradient_evaluations",
     "invalid_fraction",
     "wall_seconds",
+    "compiled",
     "stopped",
     "search",
     "model",
