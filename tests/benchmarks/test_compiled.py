@@ -1,8 +1,8 @@
 """How much quicker compiled kernels are, side by side: pytest tests/benchmarks -m slow -s -k compiled.
 
 Compiles what is not compiled yet, in some minutes, in the folder that HOPDIFF_BENCH_CACHE names, or for this time only.
-Prints milliseconds of processor time an evaluation, with and without gradient, and seconds a default search with the run
-of least cost before it. Nothing is asserted but that both price alike.
+Prints milliseconds of processor time an evaluation, with and without gradient, and seconds a default search with the
+run of least cost before it. Nothing is asserted but that both price alike.
 """
 
 from __future__ import annotations
