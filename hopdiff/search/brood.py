@@ -107,7 +107,7 @@ class Settled(NamedTuple):
 
 
 class Pay(NamedTuple):
-    """What a way of progress has cost, in value evaluations, and brought, in shares of the best cost; old steps fade."""
+    """What a way of progress has cost in value evaluations, and brought in shares of the best cost; old steps fade."""
 
     price: float = 0.0
     gain: float = 0.0

@@ -26,8 +26,8 @@ class Progress(NamedTuple):
     """brood: individuals that do not descend. climbers: those that do, by the method `kind`. settled: where descents
     have ended. generation: bred so far. barren: generations since that gave nobody to descend. breeding: whether a
     generation is asked for next. best: lowest cost so far. generations, descents: what either has paid of late; due:
-    value evaluations that generations have earned. price: of what was asked last. over: whether there is nothing more
-    to gain. signals: what the host has not read yet.
+    value evaluations that generations have earned. price: of what was asked since the host last read. over: whether
+    there is nothing more to gain. signals: what the host has not read yet.
     """
 
     box: Box
@@ -71,7 +71,7 @@ class Hybrid:
     share: float = 0.05
     apart: float = 0.03
     write_back: bool = True
-    restarts: int = 1
+    restarts: int = 3
     gain: float = 1e-3
     method: str | None = None
     renew: int = 20
