@@ -85,14 +85,17 @@ class Climbers(NamedTuple):
         possible = sum(self.able[row] for row in rows)
         return Brood(genes, self.cost[index], self.pack.descent.value[index], possible)
 
-    def ended(self, rows: list[int]) -> Settled:
-        """Where these are."""
+    def ended(self, rows: list[int], write_back: bool) -> Settled:
+        """Where these are, and, if individuals stay where they were, where they have come from."""
         index = _index(rows, self.origin)
-        return Settled(self.pack.descent.x[index], self.pack.descent.value[index])
+        settled = Settled(self.pack.descent.x[index], self.pack.descent.value[index])
+        if write_back:
+            return settled
+        return settled.joined(Settled(self.origin[index], torch.full_like(settled.merit, math.inf)))
 
 
 class Settled(NamedTuple):
-    """Where m descents have ended. x: (m, G). merit: (m,)."""
+    """What has been searched: x (m, G), where descents have ended with merit (m,), or begun, with merit infinite."""
 
     x: Tensor
     merit: Tensor
@@ -101,9 +104,9 @@ class Settled(NamedTuple):
         return Settled(torch.cat((self.x, more.x)), torch.cat((self.merit, more.merit)))
 
     def meet(self, x: Tensor, merit: Tensor, least: float, gain: float) -> Tensor:
-        """(P,) bool: whether points (P, G) lie nearer than `least` to one of these and do not better it by a share."""
-        near = torch.cdist(x, self.x) < least
-        return (near & (merit[:, None] >= (self.merit - gain * self.merit.abs())[None])).any(1)
+        """(P,) bool: whether points (P, G) lie nearer than `least` to an end and do not better it by a share `gain`."""
+        near = (torch.cdist(x, self.x) < least) & self.merit.isfinite()
+        return (near & (merit[:, None] >= self.merit - gain * self.merit.abs())).any(1)
 
 
 class Pay(NamedTuple):

@@ -243,7 +243,7 @@ class Hybrid:
         if ended:
             home = climbers.brood([row for row in ended if math.isfinite(told[row])], self.write_back)
             brood = brood.joined(*home).best(self.population)
-            settled = settled.joined(climbers.ended(ended))
+            settled = settled.joined(climbers.ended(ended, self.write_back))
             climbers = climbers.kept(kept)
         best = min([*cost, state.best])
         descents = state.descents.after(state.price, gain_of(state.best, best))
