@@ -12,7 +12,7 @@ from hopdiff.search.adam import Adam
 from hopdiff.search.base import Asked, Eval, Problem
 from hopdiff.search.bfgs import Bfgs
 from hopdiff.search.box import Box, best_first
-from hopdiff.search.lm import Lm
+from hopdiff.search.lm import OFTEN, Lm, Looks
 from hopdiff.search.pack import KINDS, Pack, Rows, check_method, kind_of
 from hopdiff.search.settings import require
 
@@ -137,12 +137,12 @@ class Gradient:
         over = missing <= 0 and not pack.curves.values
         return state._replace(pack=pack, waiting=waiting, screening=missing > 0, over=over)
 
-    def begun(self, kind: str, x: Tensor) -> Rows:
-        """Descents from points (P, G) by the method `kind`."""
+    def begun(self, kind: str, x: Tensor, looks: Looks = OFTEN) -> Rows:
+        """Descents from points (P, G) by the method `kind`; looks: of lm at its residuals."""
         if kind == "adam":
             return Adam.begin(x, self.rate, self.steps)
         if kind == "lm":
-            return Lm.begin(x, self.tolerance, self.patience or LM_PATIENCE)
+            return Lm.begin(x, self.tolerance, self.patience or LM_PATIENCE, looks)
         return Bfgs.begin(x, self.reach, self.tolerance, self.patience or BFGS_PATIENCE)
 
 

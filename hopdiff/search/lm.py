@@ -17,9 +17,22 @@ from hopdiff.search.model_step import eye_like, lowest, times, updated
 
 FIRST_DAMPING = 0.02  # of the mean curvature along the genes
 LEAST_DAMPING = 1e-12  # of the same
-RENEW = 5  # steps, at most, that a look at the residuals serves
-TRUSTED = 0.5  # share of the promised fall below which it serves no longer
 MISSES = 12  # failed trials in a row that end a descent
+
+
+class Looks(NamedTuple):
+    """When the residuals are looked at anew. A look costs as many evaluations as there are genes, and little time.
+
+    steps: that a look serves at most. trusted: share of the promised fall below which it serves no longer. misses:
+    failed trials in a row after which it does not, unless it is a fresh one.
+    """
+
+    steps: int
+    trusted: float
+    misses: int
+
+
+OFTEN = Looks(5, 0.5, 1)  # what takes the least time
 
 
 class Lm(NamedTuple):
@@ -28,7 +41,7 @@ class Lm(NamedTuple):
     age: (P,) steps since the residuals were looked at; -1 before the first evaluation. stale: (P,) bool, which rows
     want a look before their next trial. misses: (P,) failed trials in a row. idle: (P,) steps in a row that lowered
     the value by less than `tolerance` of itself. done: (P,) bool: after `patience` idle steps, at a stationary point,
-    or where no damping leads down.
+    or where no damping leads down. looks: when the residuals are looked at.
     """
 
     x: Tensor
@@ -44,9 +57,10 @@ class Lm(NamedTuple):
     done: Tensor
     tolerance: float
     patience: int
+    looks: Looks = OFTEN
 
     @classmethod
-    def begin(cls, x: Tensor, tolerance: float, patience: int) -> Lm:
+    def begin(cls, x: Tensor, tolerance: float, patience: int, looks: Looks = OFTEN) -> Lm:
         """Rows (P, G) that nothing is known of: their first trial is x itself."""
         rows = len(x)
         count = torch.zeros(rows, dtype=torch.int64, device=x.device)
@@ -64,6 +78,7 @@ class Lm(NamedTuple):
             done=count > 0,
             tolerance=tolerance,
             patience=patience,
+            looks=looks,
         )
 
     def trial(self) -> Tensor:
@@ -84,9 +99,12 @@ class Lm(NamedTuple):
         idle = torch.where(slow, self.idle + 1, torch.where(learned, 0, self.idle))
         misses = torch.where(accepted, 0, self.misses + 1)
         age = torch.where(accepted, self.age + 1, self.age)
-        old = (learned & ((age >= RENEW) | (kept < TRUSTED))) | (~accepted & (age > 0))
+        steps, trusted, often = self.looks
+        still = moved.abs().amax(-1) == 0
+        misled = (age > 0) & ~accepted & ((misses >= often) | still)
+        old = (learned & ((age >= steps) | (kept < trusted))) | misled
         stale = ((fresh & accepted) | old) & ~self.done
-        stuck = ~accepted & ~fresh & ~stale & ((misses > MISSES) | (moved.abs().amax(-1) == 0))
+        stuck = ~accepted & ~fresh & ~stale & ((misses > MISSES) | still)
         rows = self._replace(
             x=torch.where(accepted[:, None], x, self.x),
             value=torch.where(accepted, value, self.value),

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from hopdiff.search.bfgs import Bfgs
-from hopdiff.search.lm import LEAST_DAMPING, MISSES, RENEW, Lm
+from hopdiff.search.lm import LEAST_DAMPING, MISSES, OFTEN, Lm, Looks
 from tests.search import problems
 
 
@@ -179,7 +179,41 @@ def test_a_look_serves_a_few_steps_and_a_failed_trial_calls_for_the_next():
             failed = torch.equal(rows.x, before.x)
             assert rows.done or bool(rows.stale) >= failed
             story.append(int(before.age))
-    assert max(story) == RENEW - 1
+    assert max(story) == OFTEN.steps - 1
+
+
+def looks_of(looks, problem, x, batches):
+    """What led to every look but the first: steps since the last one, and failed trials in a row."""
+    rows, found = Lm.begin(x, 0.0, 99, looks), []
+    for _ in range(batches):
+        if bool(rows.stale) and rows.age > 0:
+            found.append((int(rows.age), int(rows.misses)))
+        rows = step(problem, rows)
+    return rows, found
+
+
+def test_seldom_looks_come_after_many_steps_or_several_failed_trials():
+    problem = problems.rosenbrock_squares(8)
+    x = starts(problem, 1)
+    rows, found = looks_of(Looks(12, 0.0, 3), problem, x, 90)
+    assert rows.value < 1e-10
+    assert all(age == 12 or misses >= 3 for age, misses in found)
+    assert {age == 12 for age, _ in found} == {True, False}
+    assert len(found) < len(looks_of(OFTEN, problem, x, 90)[1])
+
+
+def test_a_row_that_cannot_move_looks_before_it_gives_up():
+    """A model that is old may point out of the box for no reason."""
+    problem = problems.squares(3)
+    rows = Lm.begin(starts(problem, 1), 0.0, 99, Looks(20, 0.0, 3))
+    rows = step(problem, step(problem, rows))._replace(age=torch.tensor([4]), direction=torch.zeros(1, 3).double())
+    trial = rows.trial()
+    result = problem.evaluate(trial, True)
+    after = rows.advance(trial, result.merit, result.grad)
+    assert after.stale.tolist() == [True]
+    assert after.done.tolist() == [False]
+    fresh = rows._replace(age=torch.tensor([0])).advance(trial, result.merit, result.grad)
+    assert fresh.done.tolist() == [True]
 
 
 def test_a_row_that_the_model_promises_nothing_keeps_a_little_damping():

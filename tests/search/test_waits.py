@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import pytest
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
@@ -57,8 +55,10 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         (Gradient(), problems.kinked),
         (Gradient(method="adam", steps=20), problems.kinked),
         (Gradient(restarts=30), problems.rosenbrock_squares),
+        (Hybrid(share=0.2), problems.rosenbrock_squares),
+        (Hybrid(climbers=3, write_back=False), problems.kinked),
     ],
-    ids=["random", "ga", "bfgs", "adam", "lm"],
+    ids=["random", "ga", "bfgs", "adam", "lm", "hybrid", "baldwin"],
 )
 def test_a_step_reads_once(search, make, reads) -> None:
     problem = make()
@@ -80,11 +80,3 @@ def test_a_step_reads_once(search, make, reads) -> None:
     assert steps > 10
     assert len(reads) == steps
     assert waits.count - sum(paused) == 0
-
-
-def test_a_generation_of_the_hybrid_reads_once_more(reads) -> None:
-    """Who lies apart from whom."""
-    result = run_search(problems.rosenbrock_squares(), Hybrid(), Budget(3000), torch.Generator().manual_seed(0))
-    spent = [row.gradient_evaluations for row in result.history]
-    bred = sum(later == earlier for earlier, later in pairwise(spent))
-    assert len(reads) <= len(result.history) + bred + 1
