@@ -13,7 +13,7 @@ import torch
 
 from experiments.report import floats, integers, markdown, origin, words
 from experiments.searches.analysis import Study
-from experiments.searches.cases import BETAS, MODELS, SPEEDS, Case, grid
+from experiments.searches.cases import BETAS, MODELS, SPEEDS, Case, build_problem, grid
 from experiments.searches.methods import METHODS, missing, packages
 from experiments.searches.pictures import convergence_figure, ecdf_figure
 from experiments.searches.report import Prices, outdated, read_best, report, write_best, write_running_times
@@ -96,6 +96,14 @@ def head(arguments: Sequence[str], options: argparse.Namespace, study: Study, sk
         f"Machine: {machine()}; {options.workers} runs side by side",
         f"Versions: {', '.join(f'{name} {number}' for name, number in packages(study.methods).items())}",
     ]
+    if "body" in options.models:
+        problem = build_problem(next(case for case in runs if case.model == "body"), options.traces)
+        how = (
+            "compiled kernels"
+            if getattr(problem, "kernels", None) is not None
+            else "PyTorch's operations, not compiled"
+        )
+        lines.append(f"Candidates of model=body are priced by {how}")
     if options.reference:
         lines.append(f"Runs end {100 * ENOUGH:g} % above the best cost of an earlier study, where it has one")
     lines += [f"Left out: `{method}`: {why}" for method, why in skipped.items()]
