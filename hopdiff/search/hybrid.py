@@ -19,6 +19,7 @@ from hopdiff.search.pack import Pack, Rows, kind_of
 from hopdiff.search.settings import require
 from hopdiff.types import HopdiffError
 
+POPULATION = 40  # where the problem does not ask for less
 CROWD = 8  # individuals that one who descends is chosen from
 
 
@@ -27,7 +28,7 @@ class Progress(NamedTuple):
     have ended. generation: bred so far. barren: generations since that gave nobody to descend. breeding: whether a
     generation is asked for next. best: lowest cost so far. generations, descents: what either has paid of late; due:
     value evaluations that generations have earned. price: of what was asked since the host last read. over: whether
-    there is nothing more to gain. signals: what the host has not read yet.
+    there is nothing more to gain. signals: what the host has not read yet. population: the setting for this problem.
     """
 
     box: Box
@@ -35,6 +36,7 @@ class Progress(NamedTuple):
     climbers: Climbers
     kind: str
     settled: Settled
+    population: int
     generation: int = 0
     barren: int = 0
     breeding: bool = True
@@ -55,7 +57,8 @@ class Hybrid:
     they have earned: what they gained of late for their price, against what descents did. Over when `restarts` descents
     in a row found nothing better.
 
-    population: individuals that are kept, the first ones random. children: bred a generation; the best of both live.
+    population: individuals that are kept, the first ones random; None: 40, or fewer if the problem would screen fewer.
+    children: bred a generation; the best of both live.
     climbers: individuals that descend side by side, one more while it is better than all of them.
     share: least share of the evaluations that generations get while descents go on.
     apart: least distance between two that descend, and to where one has ended, root mean square in box widths.
@@ -65,7 +68,7 @@ class Hybrid:
     """
 
     name: str = "hybrid"
-    population: int = 20
+    population: int | None = None
     children: int = 10
     climbers: int = 1
     share: float = 0.05
@@ -89,6 +92,8 @@ class Hybrid:
     sigma_floor: float = 0.01
 
     def __post_init__(self) -> None:
+        if self.population is not None:
+            require("population", self.population, 2)
         require("children", self.children, 1)
         require("climbers", self.climbers, 1)
         require("share", self.share, 0, 0.5)
@@ -104,7 +109,6 @@ class Hybrid:
     def ga(self) -> GA:
         """The settings of breeding."""
         return GA(
-            population=self.population,
             elites=0,
             pressure=self.pressure,
             crossover=self.crossover,
@@ -129,14 +133,15 @@ class Hybrid:
         brood = Brood.empty(box)
         kind = kind_of(self.method, problem)
         climbers = Climbers(Pack.begin(self._begun(kind, brood.genes)), brood.genes, brood.cost)
-        return Progress(box, brood, climbers, kind, Settled(brood.genes, brood.merit))
+        population = self.population or min(POPULATION, getattr(problem, "screen", POPULATION))
+        return Progress(box, brood, climbers, kind, Settled(brood.genes, brood.merit), population)
 
     def ask(self, state: Progress, generator: torch.Generator) -> tuple[Tensor, bool] | Asked:
         state = self._read(state)
         if not state.breeding:
             return state.climbers.pack.ask()
         if not state.generation:
-            return state.box.first(self.population, generator), False
+            return state.box.first(state.population, generator), False
         if state.barren:
             return state.box.first(self.children, generator), False
         return self.ga.breed(self._parents(state), self.children, generator), False
@@ -186,7 +191,7 @@ class Hybrid:
     def _bred(self, state: Progress, genes: Tensor, result: Eval) -> Progress:
         """With new individuals among the old; the host must know how many of all are possible, or have a merit at
         least, what the best of the new ones costs, and who is how near to whom."""
-        brood = state.brood.joined(genes, result.cost, result.merit).best(self.population)
+        brood = state.brood.joined(genes, result.cost, result.merit).best(state.population)
         crowd = brood.genes[: CROWD * self.climbers]
         near = torch.cdist(crowd, torch.cat((crowd, state.settled.x, state.climbers.pack.descent.x)))
         counts = torch.stack((brood.cost.isfinite().sum(), brood.merit.isfinite().sum())).to(genes)
@@ -242,7 +247,7 @@ class Hybrid:
         brood, settled = state.brood, state.settled
         if ended:
             home = climbers.brood([row for row in ended if math.isfinite(told[row])], self.write_back)
-            brood = brood.joined(*home).best(self.population)
+            brood = brood.joined(*home).best(state.population)
             settled = settled.joined(climbers.ended(ended, self.write_back))
             climbers = climbers.kept(kept)
         best = min([*cost, state.best])

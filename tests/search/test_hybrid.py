@@ -38,6 +38,16 @@ def test_the_best_of_the_first_individuals_descends_at_once():
     assert len(state.brood.genes) == 11
 
 
+def test_a_problem_may_ask_for_fewer_individuals():
+    sizes = []
+    for screen in (None, 18, 64):
+        problem = problems.sphere(4)
+        if screen:
+            problem.screen = screen
+        sizes.append(len(next(steps_of(Hybrid(), problem, 1))[0]))
+    assert sizes == [40, 18, 40]
+
+
 def test_descents_that_pay_get_most_of_the_evaluations():
     turns = [with_grad for _, with_grad, _, _ in steps_of(Hybrid(share=0.05), problems.rosenbrock(), 120)]
     generations = turns[1:].count(False)
@@ -100,7 +110,8 @@ def test_descents_begin_apart_from_all_that_has_been_searched():
 def test_a_descent_to_where_one_has_ended_is_given_up():
     """It had not been under way for long enough to be judged by how it falls."""
     trials, ends = [], []
-    for _, with_grad, before, state in steps_of(Hybrid(apart=0.15, restarts=4), problems.ellipsoid(4, 300.0), 200):
+    settings = Hybrid(population=20, apart=0.15, restarts=4)
+    for _, with_grad, before, state in steps_of(settings, problems.ellipsoid(4, 300.0), 200):
         if with_grad:
             trials.append(len(before.climbers.pack.curves.values[0]) + 1)
             if not state.climbers.able:
