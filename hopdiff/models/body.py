@@ -1,7 +1,7 @@
 """From genes and sway to the motion channels of the upper body, and from channels to points of the body.
 
 The search needs the centre of mass and the feet only, many thousand times: here they are written out component by
-component. `Character.rotations` with `Skeleton.forward` gives the same points and all others.
+component, left and right at once. `Character.rotations` with `Skeleton.forward` gives the same points and all others.
 """
 
 from __future__ import annotations
@@ -13,39 +13,71 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from hopdiff.channels import CHANGING, ELBOWS, HIPS, KNEES, NECK, PELVIS, SHOULDERS, SIDES, TRUNK, Turn
+from hopdiff.channels import CHANGING, ELBOWS, HIPS, KNEES, NECK, PELVIS, SHOULDERS, TRUNK, Turn
 from hopdiff.character import Character
+from hopdiff.models.trajectory import JOINT_CHANNELS
+from hopdiff.numerics import constant
 from hopdiff.physics.legs import knee_offset, leg_reach
+
+LOWER = tuple(name for name, _, _ in JOINT_CHANNELS[:8])  # channels of legs and pelvis
+UPPER = tuple(name for name, _, _ in JOINT_CHANNELS[8:])  # of everything above the waist
+THIGH, KNEE, TILT = slice(0, 2), slice(2, 4), slice(4, 6)  # left and right in LOWER
 
 Vector = tuple[Any, Any, Any]  # left, up, forward: tensors, or floats for what is fixed in the body
 
 
-def upper_channels(
-    genes: dict[str, Tensor], stride_phase: Tensor, sway: Tensor, side_sway: Tensor, speed: Tensor
-) -> dict[str, Tensor]:
-    """Trunk, neck and arm channels (P, M).
+class Answer(NamedTuple):
+    """What the upper body does, in the order of UPPER: angles = base + gains times the sway.
 
-    stride_phase: (P, M) [rad], 0 at left touchdown, pi at right touchdown. sway, side_sway: (P, M) integrals of the
-    balance error forward and to the left [m s]; each joint answers them with its own gain, Kang (1999) eq. (11).
+    base: (P, 11, M) [rad]. gains: (P, 11, 2) of the sway forward and to the left [rad/(m s)]: each joint answers it
+    with its own, Kang (1999) eq. (11).
     """
-    g = {name: value.unsqueeze(-1) for name, value in genes.items()}
-    lean, side = sway / speed.unsqueeze(-1), side_sway / speed.unsqueeze(-1)
-    # Each arm swings against the leg of its own side: the left arm is back at left touchdown.
-    arm = torch.cos(stride_phase - g["arm_phase"])
-    channels = {
-        "trunk_lean": g["eta_trunk_lean"] * lean,
-        "trunk_side": -g["eta_trunk_side"] * side,
-        "neck_flex": g["neck_flex"] + g["eta_neck_flex"] * lean,
-        "neck_side": -g["eta_neck_side"] * side,
-    }
-    shoulder = g["arm_offset"] + g["eta_shoulder"] * lean
-    elbow = g["elbow_flexion"] + g["eta_elbow"] * lean
-    for name, sign in (("left", 1.0), ("right", -1.0)):
-        channels[f"{name}_shoulder"] = shoulder - sign * g["arm_swing"] * arm
-        channels[f"{name}_abduction"] = g["arm_abduction"] + sign * g["eta_abduction"] * side
-        channels[f"{name}_inward"] = g["arm_inward"].expand_as(stride_phase)
-        channels[f"{name}_elbow"] = elbow - sign * g["elbow_swing"] * arm
-    return channels
+
+    base: Tensor
+    gains: Tensor
+
+    @classmethod
+    def of(cls, genes: dict[str, Tensor], stride_phase: Tensor, trunk_yaw: Tensor, speed: Tensor) -> Answer:
+        """stride_phase: (P, M) [rad], 0 at left touchdown, pi at right touchdown. trunk_yaw: (P, M) [rad]."""
+        zero = torch.zeros_like(speed)
+
+        def rows(trunk: tuple[Tensor, ...], *arms: tuple[Tensor, Tensor]) -> Tensor:
+            """(P, 11) of lean, side, yaw, neck_flex and neck_side, and of left and right arm."""
+            return torch.stack((*trunk, *(value for pair in arms for value in pair)), dim=-1)
+
+        def pair(name: str, sign: float = 1.0) -> tuple[Tensor, Tensor]:
+            return genes[name], genes[name] if sign > 0 else -genes[name]
+
+        still, none = (zero,) * 5, (zero, zero)
+        rest = rows(
+            (zero, zero, zero, genes["neck_flex"], zero),
+            pair("arm_offset"),
+            pair("arm_abduction"),
+            pair("elbow_flexion"),
+        )
+        # Each arm swings against the leg of its own side: the left arm is back at left touchdown.
+        swing = rows(still, pair("arm_swing", -1.0), none, pair("elbow_swing", -1.0))
+        forward = rows(
+            (genes["eta_trunk_lean"], zero, zero, genes["eta_neck_flex"], zero),
+            pair("eta_shoulder"),
+            none,
+            pair("eta_elbow"),
+        )
+        sideways = rows(
+            (zero, -genes["eta_trunk_side"], zero, zero, -genes["eta_neck_side"]),
+            none,
+            pair("eta_abduction", -1.0),
+            none,
+        )
+        arm = torch.cos(stride_phase - genes["arm_phase"].unsqueeze(-1)).unsqueeze(1)
+        base = rest.unsqueeze(-1) - swing.unsqueeze(-1) * arm
+        yaw = UPPER.index("trunk_yaw")
+        base = torch.cat((base[:, :yaw], trunk_yaw.unsqueeze(1), base[:, yaw + 1 :]), dim=1)
+        return cls(base, torch.stack((forward, sideways), dim=-1) / speed[:, None, None])
+
+    def angles(self, sway: Tensor) -> Tensor:
+        """(P, 11, M) [rad]. sway: (P, 2, M) integrals of the balance error forward and to the left [m s]."""
+        return torch.baddbmm(self.base, self.gains, sway)
 
 
 class _Moments(NamedTuple):
@@ -99,6 +131,13 @@ class Angle(NamedTuple):
     def of(cls, angle: Tensor) -> Angle:
         return cls(torch.cos(angle), torch.sin(angle))
 
+    def of_turn(self, turn: Turn) -> Angle:
+        """What a turn with this channel turns by. Pairs (P, 2, M) are told by the turn of the left side."""
+        if turn.sided:
+            signs = constant((turn.sign, -turn.sign), self.sin.dtype, self.sin.device)
+            return Angle(self.cos, self.sin * signs.unsqueeze(-1))
+        return self if turn.sign > 0 else Angle(self.cos, -self.sin)
+
     def about(self, axis: str, v: Vector) -> Vector:
         """A vector turned about one of the axes of `hopdiff.channels`."""
         if axis == "X":
@@ -108,44 +147,61 @@ class Angle(NamedTuple):
         return self.cos * v[0] - self.sin * v[1], self.sin * v[0] + self.cos * v[1], v[2]
 
 
-def _add(*vectors: Vector) -> Vector:
-    total = vectors[0]
-    for v in vectors[1:]:
-        total = (total[0] + v[0], total[1] + v[1], total[2] + v[2])
-    return total
+def _angles(values: Tensor, names: Sequence[str]) -> dict[str, Angle]:
+    """Channels (P, C, M) by name: (P, M), and (P, 2, M) of left and right by the name of the left one."""
+    cos, sin = torch.cos(values), torch.sin(values)
+    found = {}
+    for i, name in enumerate(names):
+        if name.startswith("left_"):
+            found[name] = Angle(cos[:, i : i + 2], sin[:, i : i + 2])
+        elif not name.startswith("right_"):
+            found[name] = Angle(cos[:, i], sin[:, i])
+    return found
 
 
-def _turned(channels: dict[str, Tensor], turns: Sequence[Turn], v: Vector) -> Vector:
+def _add(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _both(pair: Vector) -> Vector:
+    """The sum of what left and right (P, 2, M) add."""
+    return pair[0].sum(1), pair[1].sum(1), pair[2].sum(1)
+
+
+def _turned(angles: dict[str, Angle], turns: Sequence[Turn], v: Vector) -> Vector:
     """A vector of a joint's frame in the frame outside of its turns."""
-    angles = [Angle.of(turn.angle(channels)) for turn in turns]
-    for turn, angle in zip(reversed(turns), reversed(angles), strict=True):
-        v = angle.about(turn.axis, v)
+    for turn in reversed(turns):
+        v = angles[turn.channel].of_turn(turn).about(turn.axis, v)
     return v
 
 
-def lower_centre(character: Character, channels: dict[str, Tensor]) -> Vector:
-    """What pelvis, legs and the place of the waist add to the centre of mass, relative to HIP (P, M) each [m]."""
+def lower_centre(character: Character, lower: Tensor, pelvis_tilt: Tensor) -> Vector:
+    """What pelvis, legs and the place of the waist add to the centre of mass, relative to HIP (P, M) each [m].
+
+    lower: (P, 8, M) in the order of LOWER. pelvis_tilt: (P,) [rad].
+    """
     m = _moments(character)
-    own = (m.pelvis[0] + m.waist[0], m.pelvis[1] + m.waist[1], m.pelvis[2] + m.waist[2])
-    total = _turned(channels, PELVIS, own)
-    for side in SIDES:
-        (tilt, hip), (knee,) = HIPS[side], KNEES[side]
-        upper = Angle.of(hip.angle(channels)).about(hip.axis, m.thigh)
-        # Hip and knee turn about one axis.
-        lower = Angle.of(knee.angle(channels) + hip.angle(channels)).about(knee.axis, m.shank)
-        total = _add(total, _turned(channels, (tilt,), _add(upper, lower)))
+    angles = _angles(lower, LOWER) | {"pelvis_tilt": Angle.of(pelvis_tilt.unsqueeze(-1))}
+    pelvis = _turned(angles, PELVIS, _add(m.pelvis, m.waist))
+    (tilt, hip), (knee,) = HIPS["left"], KNEES["left"]
+    upper = _turned(angles, (hip,), m.thigh)
+    # Hip and knee turn about one axis.
+    bend = knee.sign * lower[:, KNEE] + hip.sign * lower[:, THIGH]
+    shank = Angle.of(bend).about(knee.axis, m.shank)
     # The hip joints mirror each other about HIP and carry equal legs: their own places cancel.
-    return total
+    return _add(pelvis, _both(_turned(angles, (tilt,), _add(upper, shank))))
 
 
-def upper_centre(character: Character, channels: dict[str, Tensor]) -> Vector:
-    """What everything above the waist adds to the centre of mass, relative to the waist (P, M) each [m]."""
+def upper_centre(character: Character, upper: Tensor, arm_inward: Tensor) -> Vector:
+    """What everything above the waist adds to the centre of mass, relative to the waist (P, M) each [m].
+
+    upper: (P, 11, M) in the order of UPPER. arm_inward: (P,) [rad].
+    """
     m = _moments(character)
-    total = _add(m.trunk, _turned(channels, NECK, m.neck))
-    for side in SIDES:
-        forearm = _turned(channels, ELBOWS[side], m.forearm)
-        total = _add(total, _turned(channels, SHOULDERS[side], _add(m.upper_arm, forearm)))
-    return _turned(channels, TRUNK, total)
+    angles = _angles(upper, UPPER) | {"left_inward": Angle.of(arm_inward[:, None, None])}
+    arms = _add(m.upper_arm, _turned(angles, ELBOWS["left"], m.forearm))
+    arms = _both(_turned(angles, SHOULDERS["left"], arms))
+    return _turned(angles, TRUNK, _add(_add(m.trunk, _turned(angles, NECK, m.neck)), arms))
 
 
 def sway_sensitivity(character: Character, genes: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
@@ -173,13 +229,25 @@ def hip_joint(character: Character, channels: dict[str, Tensor], side: str) -> V
     return half * roll.cos * yaw.cos, half * roll.sin, -half * roll.cos * yaw.sin
 
 
-def foot_height(character: Character, channels: dict[str, Tensor], height: Tensor, side: str) -> Tensor:
-    """Height of one contact point above the ground (P, M) for a height of HIP [m]."""
-    knee = channels[f"{side}_knee"]
-    angle = channels[f"{side}_thigh"] - knee_offset(knee, character.thigh, character.shank)
-    down = leg_reach(knee, character.thigh, character.shank) * torch.cos(angle) * torch.cos(channels[f"{side}_tilt"])
-    found: Tensor = height + hip_joint(character, channels, side)[1] - down
-    return found
+def foot_height(character: Character, lower: Tensor, height: Tensor) -> Tensor:
+    """Height of the left and the right contact point above the ground (P, 2, M) for a height of HIP (P, M) [m].
+
+    lower: (P, 8, M) in the order of LOWER.
+    """
+    knee = lower[:, KNEE]
+    angle = lower[:, THIGH] - knee_offset(knee, character.thigh, character.shank)
+    down = leg_reach(knee, character.thigh, character.shank) * torch.cos(angle) * torch.cos(lower[:, TILT])
+    half = constant((character.hip_half_width, -character.hip_half_width), lower.dtype, lower.device)
+    hips = half.unsqueeze(-1) * torch.sin(lower[:, LOWER.index("pelvis_roll"), None])
+    return height.unsqueeze(1) + hips - down
+
+
+def by_name(lower: Tensor, upper: Tensor, genes: dict[str, Tensor]) -> dict[str, Tensor]:
+    """All channels (P, M) of `hopdiff.channels`. lower, upper: (P, C, M) in the order of LOWER and UPPER."""
+    channels = dict(zip((*LOWER, *UPPER), (*lower.unbind(1), *upper.unbind(1)), strict=True))
+    constants = {"pelvis_tilt": "pelvis_tilt", "left_inward": "arm_inward", "right_inward": "arm_inward"}
+    like = lower[:, 0]
+    return channels | {name: genes[gene].unsqueeze(-1).expand_as(like) for name, gene in constants.items()}
 
 
 def mirror(channels: dict[str, Tensor], where: Tensor) -> dict[str, Tensor]:
