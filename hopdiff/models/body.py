@@ -21,7 +21,6 @@ from hopdiff.physics.legs import knee_offset, leg_reach
 
 LOWER = tuple(name for name, _, _ in JOINT_CHANNELS[:8])  # channels of legs and pelvis
 UPPER = tuple(name for name, _, _ in JOINT_CHANNELS[8:])  # of everything above the waist
-THIGH, KNEE, TILT = slice(0, 2), slice(2, 4), slice(4, 6)  # left and right in LOWER
 
 Vector = tuple[Any, Any, Any]  # left, up, forward: tensors, or floats for what is fixed in the body
 
@@ -29,8 +28,8 @@ Vector = tuple[Any, Any, Any]  # left, up, forward: tensors, or floats for what 
 class Answer(NamedTuple):
     """What the upper body does, in the order of UPPER: angles = base + gains times the sway.
 
-    base: (P, 11, M) [rad]. gains: (P, 11, 2) of the sway forward and to the left [rad/(m s)]: each joint answers it
-    with its own, Kang (1999) eq. (11).
+    base: (P, 11, M) [rad]. gains: (P, 11, 2) of the sway forward and to the left [rad/(m s)]: eta over speed, each
+    joint answers it with its own eta, Kang (1999) eq. (11).
     """
 
     base: Tensor
@@ -148,15 +147,12 @@ class Angle(NamedTuple):
 
 
 def _angles(values: Tensor, names: Sequence[str]) -> dict[str, Angle]:
-    """Channels (P, C, M) by name: (P, M), and (P, 2, M) of left and right by the name of the left one."""
-    cos, sin = torch.cos(values), torch.sin(values)
-    found = {}
-    for i, name in enumerate(names):
-        if name.startswith("left_"):
-            found[name] = Angle(cos[:, i : i + 2], sin[:, i : i + 2])
-        elif not name.startswith("right_"):
-            found[name] = Angle(cos[:, i], sin[:, i])
-    return found
+    """Channels (P, C, M) by name: (P, 1, M), and (P, 2, M) of left and right by the name of the left one."""
+    kept = [name for name in names if not name.startswith("right_")]
+    sizes = [2 if name.startswith("left_") else 1 for name in kept]
+    # A split comes back from autograd as one piece; many slices would each come back as a whole.
+    parts = (part.split(sizes, dim=1) for part in (torch.cos(values), torch.sin(values)))
+    return {name: Angle(cos, sin) for name, cos, sin in zip(kept, *parts, strict=True)}
 
 
 def _add(a: Vector, b: Vector) -> Vector:
@@ -164,8 +160,8 @@ def _add(a: Vector, b: Vector) -> Vector:
 
 
 def _both(pair: Vector) -> Vector:
-    """The sum of what left and right (P, 2, M) add."""
-    return pair[0].sum(1), pair[1].sum(1), pair[2].sum(1)
+    """The sum (P, 1, M) of what left and right (P, 2, M) add."""
+    return pair[0].sum(1, keepdim=True), pair[1].sum(1, keepdim=True), pair[2].sum(1, keepdim=True)
 
 
 def _turned(angles: dict[str, Angle], turns: Sequence[Turn], v: Vector) -> Vector:
@@ -176,24 +172,25 @@ def _turned(angles: dict[str, Angle], turns: Sequence[Turn], v: Vector) -> Vecto
 
 
 def lower_centre(character: Character, lower: Tensor, pelvis_tilt: Tensor) -> Vector:
-    """What pelvis, legs and the place of the waist add to the centre of mass, relative to HIP (P, M) each [m].
+    """What pelvis, legs and the place of the waist add to the centre of mass, relative to HIP (P, 1, M) each [m].
 
     lower: (P, 8, M) in the order of LOWER. pelvis_tilt: (P,) [rad].
     """
     m = _moments(character)
-    angles = _angles(lower, LOWER) | {"pelvis_tilt": Angle.of(pelvis_tilt.unsqueeze(-1))}
+    angles = _angles(lower, LOWER) | {"pelvis_tilt": Angle.of(pelvis_tilt[:, None, None])}
     pelvis = _turned(angles, PELVIS, _add(m.pelvis, m.waist))
     (tilt, hip), (knee,) = HIPS["left"], KNEES["left"]
     upper = _turned(angles, (hip,), m.thigh)
     # Hip and knee turn about one axis.
-    bend = knee.sign * lower[:, KNEE] + hip.sign * lower[:, THIGH]
+    thigh, flexion, _ = lower.split((2, 2, 4), dim=1)
+    bend = knee.sign * flexion + hip.sign * thigh
     shank = Angle.of(bend).about(knee.axis, m.shank)
     # The hip joints mirror each other about HIP and carry equal legs: their own places cancel.
     return _add(pelvis, _both(_turned(angles, (tilt,), _add(upper, shank))))
 
 
 def upper_centre(character: Character, upper: Tensor, arm_inward: Tensor) -> Vector:
-    """What everything above the waist adds to the centre of mass, relative to the waist (P, M) each [m].
+    """What everything above the waist adds to the centre of mass, relative to the waist (P, 1, M) each [m].
 
     upper: (P, 11, M) in the order of UPPER. arm_inward: (P,) [rad].
     """
@@ -204,22 +201,19 @@ def upper_centre(character: Character, upper: Tensor, arm_inward: Tensor) -> Vec
     return _turned(angles, TRUNK, _add(_add(m.trunk, _turned(angles, NECK, m.neck)), arms))
 
 
-def sway_sensitivity(character: Character, genes: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
-    """How far the centre of mass moves per unit of sway times speed, forward and to the left (P,) [m].
+def sway_sensitivity(character: Character, gains: Tensor) -> Tensor:
+    """How far the centre of mass moves per unit of sway, forward and to the left (P, 2) [1/s].
 
-    Linear in the gains, at the rest pose: the sum over joints of eta times the moment arm of what hangs on it.
+    gains: (P, 11, 2) of an `Answer`. Linear in them, at the rest pose: the sum over joints of the gain times the moment
+    arm of what hangs on it.
     """
     m = _moments(character)
-    arm = -2.0 * (m.upper_arm[1] + m.forearm[1])
-    trunk = m.trunk[1] + m.neck[1] - arm
-    forward = (
-        genes["eta_trunk_lean"] * trunk
-        + genes["eta_neck_flex"] * m.neck[1]
-        + genes["eta_shoulder"] * arm
-        - genes["eta_elbow"] * 2.0 * m.forearm[1]
-    )
-    sideways = genes["eta_trunk_side"] * trunk + genes["eta_neck_side"] * m.neck[1] + genes["eta_abduction"] * arm
-    return forward, sideways
+    forearm, arm = -m.forearm[1], -(m.upper_arm[1] + m.forearm[1])
+    neck, trunk = m.neck[1], m.trunk[1] + m.neck[1] - 2.0 * arm
+    forward = (trunk, 0.0, 0.0, neck, 0.0, arm, arm, 0.0, 0.0, forearm, forearm)
+    sideways = (0.0, -trunk, 0.0, 0.0, -neck, 0.0, 0.0, arm, -arm, 0.0, 0.0)
+    levers = torch.stack([constant(row, gains.dtype, gains.device) for row in (forward, sideways)], dim=-1)
+    return (gains * levers).sum(1)
 
 
 def hip_joint(character: Character, channels: dict[str, Tensor], side: str) -> Vector:
@@ -234,11 +228,11 @@ def foot_height(character: Character, lower: Tensor, height: Tensor) -> Tensor:
 
     lower: (P, 8, M) in the order of LOWER.
     """
-    knee = lower[:, KNEE]
-    angle = lower[:, THIGH] - knee_offset(knee, character.thigh, character.shank)
-    down = leg_reach(knee, character.thigh, character.shank) * torch.cos(angle) * torch.cos(lower[:, TILT])
+    thigh, knee, tilt, roll, _ = lower.split((2, 2, 2, 1, 1), dim=1)
+    angle = thigh - knee_offset(knee, character.thigh, character.shank)
+    down = leg_reach(knee, character.thigh, character.shank) * torch.cos(angle) * torch.cos(tilt)
     half = constant((character.hip_half_width, -character.hip_half_width), lower.dtype, lower.device)
-    hips = half.unsqueeze(-1) * torch.sin(lower[:, LOWER.index("pelvis_roll"), None])
+    hips = half.unsqueeze(-1) * torch.sin(roll)
     return height.unsqueeze(1) + hips - down
 
 

@@ -36,13 +36,15 @@ CONNECTIVITY_STEP = 1.0 / 60.0  # s, the frame over which connectivity extrapola
 class _Nodes:
     """All steps on the nodes of both phases (B, M), stance before flight, M = 2 N.
 
-    lower: (B, 8, M), see `body.LOWER`. answer: how the upper body answers the sway. target: (B, 2, M) of the centre of mass from
-    HIP, forward and to the left; lower_centre: what pelvis and legs add to it, up too.
+    lower: (B, 8, M), see `body.LOWER`. answer: how the upper body answers the sway. ahead: (B, N) of HIP from the foot
+    that stands [m]. target: (B, 2, M) of the centre of mass from HIP, forward and to the left; lower_centre: what
+    pelvis and legs add to it, up too.
     """
 
     lower: Tensor
     answer: Answer
     height: Tensor
+    ahead: Tensor
     target: Tensor
     lower_centre: Vector
 
@@ -73,12 +75,12 @@ class SmoothModel:
         steps = Steps.of(body, genes, speed, self.limp, swell=True)
         cycle, genes = steps.cycle, steps.genes
         x = self._nodes(speed)
-        height = cycle.stance_height_nodes(self.nodes)
+        height, ahead = cycle.stance_height_nodes(self.nodes), cycle.stance_forward(x)
         flight_time = cycle.contact_time.unsqueeze(-1) + x * cycle.flight_time.unsqueeze(-1)
         time = torch.cat((x * cycle.contact_time.unsqueeze(-1), flight_time), dim=-1)
         pelvis = pelvis_channels(steps, time)
         standing = {name: values[:, : self.nodes] for name, values in pelvis.items()}
-        pose, reach = stance_pose(body, steps, x, height, standing)
+        pose, reach = stance_pose(body, steps, ahead, height, standing)
         rates = [end_rates(values, cycle.contact_time) for values in pose]
         # The hip of the swinging leg hangs on the other side of the pelvis.
         swing_hip = height[:, -1] - body.hip_half_width * torch.sin(standing["pelvis_roll"][:, -1])
@@ -95,29 +97,31 @@ class SmoothModel:
             shank=body.shank,
         )
         gait = SmoothGait(body, steps, swing, reach.amax(-1), height.new_zeros(len(height), 2, 2, self.nodes))
-        nodes = self._on_nodes(gait, pose, pelvis, time, height)
+        nodes = self._on_nodes(gait, pose, pelvis, time, (height, ahead))
         return self._balance(gait, nodes), nodes
 
     def _nodes(self, like: Tensor) -> Tensor:
         return chebyshev_nodes(self.nodes, like.dtype, like.device)
 
     def _on_nodes(
-        self, gait: SmoothGait, pose: LegPose, pelvis: dict[str, Tensor], time: Tensor, height: Tensor
+        self, gait: SmoothGait, pose: LegPose, pelvis: dict[str, Tensor], time: Tensor, hip: tuple[Tensor, Tensor]
     ) -> _Nodes:
+        """pose, hip: of the leg that stands and of HIP, up and ahead of the foot, on the nodes of the stance."""
         steps, cycle = gait.steps, gait.steps.cycle
-        genes = steps.genes
+        genes, (height, ahead) = steps.genes, hip
         x = self._nodes(height).expand_as(height)
         left = join_poses(pose, gait.swing.first_flight(x))
         right = join_poses(gait.other_swing.swing(x), gait.other_swing.last_flight(x))
         lower = lower_angles(self.character, left, right, pelvis)
         width = 0.5 * genes["step_width"]
-        ahead = support_path(x, cycle.reach, steps.other(cycle.reach))
-        forward = torch.cat((-cycle.stance_forward(x), ahead), dim=-1) + genes["com_lead"].unsqueeze(-1)
+        path = support_path(x, cycle.reach, steps.other(cycle.reach))
+        forward = torch.cat((-ahead, path), dim=-1) + genes["com_lead"].unsqueeze(-1)
         side = torch.cat([support_side(kind, x, width) for kind in ("stance", "flight")], dim=-1)
         return _Nodes(
             lower,
             Answer.of(genes, steps.phase(time), pelvis["trunk_yaw"], steps.speed),
             torch.cat((height, cycle.flight_height(x)), dim=-1),
+            ahead,
             torch.stack((forward, side), dim=1),
             lower_centre(self.character, lower, genes["pelvis_tilt"]),
         )
@@ -126,17 +130,13 @@ class SmoothModel:
         """Angles of the upper body (B, 11, M), error of the balance (B, 2, M) and height of the centre of mass [m]."""
         upper = nodes.answer.angles(gait.sway.flatten(2))
         above, below = upper_centre(self.character, upper, gait.steps.genes["arm_inward"]), nodes.lower_centre
-        centre = torch.stack((below[2] + above[2], below[0] + above[0]), dim=1)
-        return upper, nodes.target - centre, nodes.height + below[1] + above[1]
-
-    def _stiffness(self, steps: Steps) -> Tensor:
-        """How fast the balance answers, fore-aft and sideways (B, 2) [1/s]."""
-        return torch.stack(sway_sensitivity(self.character, steps.genes), dim=-1) / steps.speed.unsqueeze(-1)
+        centre = torch.cat((below[2] + above[2], below[0] + above[0]), dim=1)
+        return upper, nodes.target - centre, nodes.height + (below[1] + above[1]).squeeze(1)
 
     def _balance(self, gait: SmoothGait, nodes: _Nodes) -> SmoothGait:
         """The sway for which the centre of mass follows its target over the steps and comes back to where it was."""
         steps, cycle = gait.steps, gait.steps.cycle
-        stiffness = self._stiffness(steps)
+        stiffness = sway_sensitivity(self.character, nodes.answer.gains)
         durations = torch.stack((cycle.contact_time, cycle.flight_time), dim=-1)
         # Every second step is seen in the mirror, which turns what is sideways round.
         signs = constant((1.0, -1.0), durations.dtype, durations.device)
@@ -165,9 +165,8 @@ class SmoothModel:
             + CONNECTIVITY_STEP * accelerations[:, :LEG_CHANNELS, k, node]
             for k, node in ((0, -1), (1, 0))
         )
-        x = self._nodes(speed).expand(len(durations), -1)
-        force = cycle.leg_force_bw(cycle.stance_forward(x), nodes.height[:, :n])
-        stiffness = self._stiffness(steps)
+        force = cycle.leg_force_bw(nodes.ahead, nodes.height[:, :n])
+        stiffness = sway_sensitivity(self.character, nodes.answer.gains)
         found = Trajectory(
             weights=(integration_matrix(n, dtype, device)[-1] * durations.unsqueeze(-1)).flatten(1),
             angles=angles.flatten(2).transpose(1, 2),

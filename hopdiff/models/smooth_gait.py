@@ -18,11 +18,11 @@ from hopdiff.physics.legs import LegPose, Swing, knee_offset, leg_pose
 
 
 def stance_pose(
-    character: Character, steps: Steps, x: Tensor, height: Tensor, pelvis: dict[str, Tensor]
+    character: Character, steps: Steps, ahead: Tensor, height: Tensor, pelvis: dict[str, Tensor]
 ) -> tuple[LegPose, Tensor]:
-    """Pose and reach of the leg that carries, at stance phases x (B, M) for HIP heights (B, M)."""
+    """Pose and reach of the leg that carries, for places of HIP (B, M) ahead of and above its foot [m]."""
     hip = hip_joint(character, pelvis, "left")
-    foot = (0.5 * steps.genes["step_width"].unsqueeze(-1), -height, -steps.cycle.stance_forward(x))
+    foot = (0.5 * steps.genes["step_width"].unsqueeze(-1), -height, -ahead)
     return leg_pose(foot[0] - hip[0], foot[1] - hip[1], foot[2] - hip[2], character.thigh, character.shank)
 
 
@@ -118,7 +118,7 @@ class SmoothGait:
 
         x = (time / contact).clamp(max=1.0)
         height, ahead = cycle.stance_height(x), cycle.stance_forward(x)
-        pose, _ = stance_pose(self.character, steps, x, height, pelvis_channels(steps, x * contact))
+        pose, _ = stance_pose(self.character, steps, ahead, height, pelvis_channels(steps, x * contact))
         stance = [
             *pose,
             *self.other_swing.swing(x),

@@ -19,7 +19,7 @@ from hopdiff.models.body import LOWER, Answer, by_name, foot_height, lower_centr
 from hopdiff.models.limp import LimpSettings
 from hopdiff.models.steps import Steps
 from hopdiff.models.thesis_gait import Frames, ThesisGait, along, last_stride, lay_out
-from hopdiff.models.trajectory import JOINT_CHANNELS, LEG_CHANNELS, Trajectory, join_steps
+from hopdiff.models.trajectory import LEG_CHANNELS, Trajectory, join_steps
 from hopdiff.numerics import GRAVITY
 from hopdiff.physics.legs import LegPose, knee_offset, leg_pose
 from hopdiff.physics.stepping import Hops, flight_blend, step_balance, step_hopper
@@ -144,7 +144,7 @@ class ThesisModel:
         lower: (P, 8, F). target: (P, 2, F) forward and to the left of HIP [m]; so are errors.
         """
         left, up, forward = lower_centre(self.character, lower, genes["pelvis_tilt"])
-        low = torch.stack((forward, left), dim=1)
+        low = torch.cat((forward, left), dim=1)
         still = torch.zeros_like(target[:, :, 0])
         sway = (still, still, still)
         columns, errors, heights = [], [], []
@@ -152,10 +152,10 @@ class ThesisModel:
             here = answer._replace(base=answer.base[:, :, frame : frame + 1])
             upper = here.angles((sway[0] * speed.unsqueeze(-1)).unsqueeze(-1))
             high = upper_centre(self.character, upper, genes["arm_inward"])
-            error = target[:, :, frame] - low[:, :, frame] - torch.cat((high[2], high[0]), dim=-1)
+            error = target[:, :, frame] - low[:, :, frame] - torch.cat((high[2], high[0]), dim=1).squeeze(-1)
             columns.append(upper)
             errors.append(error)
-            heights.append(up[:, frame] + high[1][:, 0])
+            heights.append(up[:, 0, frame] + high[1][:, 0, 0])
             sway = (step_balance(sway, error, self.step, speed.unsqueeze(-1)), sway[0], sway[1])
         return torch.cat(columns, dim=-1), torch.stack(errors, dim=1), torch.stack(heights, dim=1)
 
@@ -194,7 +194,7 @@ class ThesisModel:
         complete = (
             cycle.converged & (f.hops.hop[:, -1] > 0) & (f.stance_frames > 3) & (f.step_frames > f.stance_frames + 2)
         )
-        forward_gain, side_gain = sway_sensitivity(self.character, genes)
+        stiffness = sway_sensitivity(self.character, answer.gains)
         found = Trajectory(
             weights=used.to(speed) * self.step,
             angles=angles,
@@ -212,10 +212,10 @@ class ThesisModel:
             contact_time=f.stance_frames.to(speed) * self.step,
             flight_time=(f.step_frames - f.stance_frames).to(speed) * self.step,
             speed=speed,
-            sway_stiffness=forward_gain / speed,
+            sway_stiffness=stiffness[:, 0],
             solved=complete,
         )
-        return found if f.steps.count == 1 else join_steps(found, side_gain / speed)
+        return found if f.steps.count == 1 else join_steps(found, stiffness[:, 1])
 
     def gait(self, genes: dict[str, Tensor], speed: Tensor) -> ThesisGait:
         """The stride after `strides` strides in which the balance settles, over and over.

@@ -45,11 +45,11 @@ def periodic_sway(
     nodes = chebyshev_nodes(n, forcing.dtype, forcing.device)
     integral = integration_matrix(n, forcing.dtype, forcing.device)
     spans = durations.view(len(durations), *(1 for _ in stiffness.shape[1:]), 2, 1)
-    first = spans[..., :1, :] * nodes
-    times = torch.cat((first, spans[..., :1, :] + spans[..., 1:, :] * nodes), dim=-2)
+    contact, air = spans.unbind(-2)
+    times = torch.stack((contact * nodes, contact + air * nodes), dim=-2)
     growth = torch.exp(stiffness[..., None, None] * times)
-    area = (growth * forcing) @ integral.T * spans
-    area = torch.stack((area[..., 0, :], area[..., 0, -1:] + area[..., 1, :]), dim=-2)
+    stance, flight = ((growth * forcing) @ integral.T * spans).unbind(-2)
+    area = torch.stack((stance, stance[..., -1:] + flight), dim=-2)
     # A step takes U to sign (area + U) / growth; what all steps together leave unchanged is the start.
     areas, growths = area[..., 1, -1].chunk(steps), growth[..., 1, -1].chunk(steps)
     offset, factor = torch.zeros_like(areas[0]), torch.ones_like(areas[0])
