@@ -11,6 +11,7 @@ import math
 import torch
 from torch import Tensor
 
+from hopdiff.channels import SIDES
 from hopdiff.character import Character
 from hopdiff.costs import LimitSettings
 from hopdiff.models.trajectory import JOINT_CHANNELS, Trajectory
@@ -22,15 +23,9 @@ COLUMNS = {name: i for i, (name, _, _) in enumerate(JOINT_CHANNELS)}
 # Kind of joint, channel, and how much of the pelvis tilt comes on top: the pelvis tips forward under the trunk, which
 # folds the hip by as much and straightens the waist.
 LIMITED = (
-    ("knee", "left_knee", 0.0),
-    ("knee", "right_knee", 0.0),
-    ("shoulder", "left_shoulder", 0.0),
-    ("shoulder", "right_shoulder", 0.0),
-    ("elbow", "left_elbow", 0.0),
-    ("elbow", "right_elbow", 0.0),
+    *((kind, f"{side}_{kind}", 0.0) for kind in ("knee", "shoulder", "elbow") for side in SIDES),
     ("neck", "neck_flex", 0.0),
-    ("hip", "left_thigh", 1.0),
-    ("hip", "right_thigh", 1.0),
+    *(("hip", f"{side}_thigh", 1.0) for side in SIDES),
     ("waist", "trunk_lean", -1.0),
 )
 
@@ -64,14 +59,14 @@ def _joint_excess(trajectory: Trajectory, character: Character, used: Tensor) ->
     kinds, names, tilts = zip(*LIMITED, strict=True)
     columns = constant(tuple(COLUMNS[name] for name in names), torch.int64, angles.device)
     low, high, tilt = (
-        constant(tuple(row), angles.dtype, angles.device)
+        constant(tuple(row), angles.dtype, angles.device).unsqueeze(-1)
         for row in (*zip(*(character.limits[kind] for kind in kinds), strict=True), tilts)
     )
-    values = angles.index_select(-1, columns)
-    shift = tilt * trajectory.pelvis_tilt.unsqueeze(-1)
-    most = values.masked_fill(~used.unsqueeze(-1), -torch.inf).amax(1) + shift - high
-    least = low - shift - values.masked_fill(~used.unsqueeze(-1), torch.inf).amin(1)
-    return torch.maximum(most, least).amax(-1)
+    values = angles.permute(2, 0, 1).index_select(0, columns)
+    shift = tilt * trajectory.pelvis_tilt
+    most = values.masked_fill(~used, -torch.inf).amax(-1) + shift - high
+    least = low - shift - values.masked_fill(~used, torch.inf).amin(-1)
+    return torch.maximum(most, least).amax(0)
 
 
 def penalty(excess: dict[Status, Tensor], limits: LimitSettings) -> Tensor:

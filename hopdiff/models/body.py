@@ -28,7 +28,7 @@ Vector = tuple[Any, Any, Any]  # left, up, forward: tensors, or floats for what 
 class Answer(NamedTuple):
     """What the upper body does, in the order of UPPER: angles = base + gains times the sway.
 
-    base: (P, 11, M) [rad]. gains: (P, 11, 2) of the sway forward and to the left [rad/(m s)]: eta over speed, each
+    base: (11, P, M) [rad]. gains: (2, 11, P) of the sway forward and to the left [rad/(m s)]: eta over speed, each
     joint answers it with its own eta, Kang (1999) eq. (11).
     """
 
@@ -41,8 +41,8 @@ class Answer(NamedTuple):
         zero = torch.zeros_like(speed)
 
         def rows(trunk: tuple[Tensor, ...], *arms: tuple[Tensor, Tensor]) -> Tensor:
-            """(P, 11) of lean, side, yaw, neck_flex and neck_side, and of left and right arm."""
-            return torch.stack((*trunk, *(value for pair in arms for value in pair)), dim=-1)
+            """(11, P) of lean, side, yaw, neck_flex and neck_side, and of left and right arm."""
+            return torch.stack((*trunk, *(value for pair in arms for value in pair)))
 
         def pair(name: str, sign: float = 1.0) -> tuple[Tensor, Tensor]:
             return genes[name], genes[name] if sign > 0 else -genes[name]
@@ -68,15 +68,16 @@ class Answer(NamedTuple):
             pair("eta_abduction", -1.0),
             none,
         )
-        arm = torch.cos(stride_phase - genes["arm_phase"].unsqueeze(-1)).unsqueeze(1)
+        arm = torch.cos(stride_phase - genes["arm_phase"].unsqueeze(-1))
         base = rest.unsqueeze(-1) - swing.unsqueeze(-1) * arm
         yaw = UPPER.index("trunk_yaw")
-        base = torch.cat((base[:, :yaw], trunk_yaw.unsqueeze(1), base[:, yaw + 1 :]), dim=1)
-        return cls(base, torch.stack((forward, sideways), dim=-1) / speed[:, None, None])
+        base = torch.cat((base[:yaw], trunk_yaw.unsqueeze(0), base[yaw + 1 :]))
+        return cls(base, torch.stack((forward, sideways)) / speed)
 
     def angles(self, sway: Tensor) -> Tensor:
-        """(P, 11, M) [rad]. sway: (P, 2, M) integrals of the balance error forward and to the left [m s]."""
-        return torch.baddbmm(self.base, self.gains, sway)
+        """(11, P, M) [rad]. sway: (P, 2, M) integrals of the balance error forward and to the left [m s]."""
+        (forward, side), (forward_gain, side_gain) = sway.unbind(1), self.gains.unsqueeze(-1).unbind(0)
+        return torch.addcmul(torch.addcmul(self.base, forward_gain, forward), side_gain, side)
 
 
 class _Moments(NamedTuple):
@@ -131,10 +132,10 @@ class Angle(NamedTuple):
         return cls(torch.cos(angle), torch.sin(angle))
 
     def of_turn(self, turn: Turn) -> Angle:
-        """What a turn with this channel turns by. Pairs (P, 2, M) are told by the turn of the left side."""
+        """What a turn with this channel turns by. Pairs (2, P, M) are told by the turn of the left side."""
         if turn.sided:
             signs = constant((turn.sign, -turn.sign), self.sin.dtype, self.sin.device)
-            return Angle(self.cos, self.sin * signs.unsqueeze(-1))
+            return Angle(self.cos, self.sin * signs[:, None, None])
         return self if turn.sign > 0 else Angle(self.cos, -self.sin)
 
     def about(self, axis: str, v: Vector) -> Vector:
@@ -147,12 +148,15 @@ class Angle(NamedTuple):
 
 
 def _angles(values: Tensor, names: Sequence[str]) -> dict[str, Angle]:
-    """Channels (P, C, M) by name: (P, 1, M), and (P, 2, M) of left and right by the name of the left one."""
+    """Channels (C, P, M) by name: (P, M), and (2, P, M) of left and right by the name of the left one."""
     kept = [name for name in names if not name.startswith("right_")]
     sizes = [2 if name.startswith("left_") else 1 for name in kept]
     # A split comes back from autograd as one piece; many slices would each come back as a whole.
-    parts = (part.split(sizes, dim=1) for part in (torch.cos(values), torch.sin(values)))
-    return {name: Angle(cos, sin) for name, cos, sin in zip(kept, *parts, strict=True)}
+    parts = (part.split(sizes) for part in (torch.cos(values), torch.sin(values)))
+    return {
+        name: Angle(cos, sin) if len(cos) == 2 else Angle(cos[0], sin[0])
+        for name, cos, sin in zip(kept, *parts, strict=True)
+    }
 
 
 def _add(a: Vector, b: Vector) -> Vector:
@@ -160,8 +164,8 @@ def _add(a: Vector, b: Vector) -> Vector:
 
 
 def _both(pair: Vector) -> Vector:
-    """The sum (P, 1, M) of what left and right (P, 2, M) add."""
-    return pair[0].sum(1, keepdim=True), pair[1].sum(1, keepdim=True), pair[2].sum(1, keepdim=True)
+    """The sum (P, M) of what left and right (2, P, M) add."""
+    return pair[0].sum(0), pair[1].sum(0), pair[2].sum(0)
 
 
 def _turned(angles: dict[str, Angle], turns: Sequence[Turn], v: Vector) -> Vector:
@@ -172,17 +176,17 @@ def _turned(angles: dict[str, Angle], turns: Sequence[Turn], v: Vector) -> Vecto
 
 
 def lower_centre(character: Character, lower: Tensor, pelvis_tilt: Tensor) -> Vector:
-    """What pelvis, legs and the place of the waist add to the centre of mass, relative to HIP (P, 1, M) each [m].
+    """What pelvis, legs and the place of the waist add to the centre of mass, relative to HIP (P, M) each [m].
 
-    lower: (P, 8, M) in the order of LOWER. pelvis_tilt: (P,) [rad].
+    lower: (8, P, M) in the order of LOWER. pelvis_tilt: (P,) [rad].
     """
     m = _moments(character)
-    angles = _angles(lower, LOWER) | {"pelvis_tilt": Angle.of(pelvis_tilt[:, None, None])}
+    angles = _angles(lower, LOWER) | {"pelvis_tilt": Angle.of(pelvis_tilt.unsqueeze(-1))}
     pelvis = _turned(angles, PELVIS, _add(m.pelvis, m.waist))
     (tilt, hip), (knee,) = HIPS["left"], KNEES["left"]
     upper = _turned(angles, (hip,), m.thigh)
     # Hip and knee turn about one axis.
-    thigh, flexion, _ = lower.split((2, 2, 4), dim=1)
+    thigh, flexion, _ = lower.split((2, 2, 4))
     bend = knee.sign * flexion + hip.sign * thigh
     shank = Angle.of(bend).about(knee.axis, m.shank)
     # The hip joints mirror each other about HIP and carry equal legs: their own places cancel.
@@ -190,21 +194,21 @@ def lower_centre(character: Character, lower: Tensor, pelvis_tilt: Tensor) -> Ve
 
 
 def upper_centre(character: Character, upper: Tensor, arm_inward: Tensor) -> Vector:
-    """What everything above the waist adds to the centre of mass, relative to the waist (P, 1, M) each [m].
+    """What everything above the waist adds to the centre of mass, relative to the waist (P, M) each [m].
 
-    upper: (P, 11, M) in the order of UPPER. arm_inward: (P,) [rad].
+    upper: (11, P, M) in the order of UPPER. arm_inward: (P,) [rad].
     """
     m = _moments(character)
-    angles = _angles(upper, UPPER) | {"left_inward": Angle.of(arm_inward[:, None, None])}
+    angles = _angles(upper, UPPER) | {"left_inward": Angle.of(arm_inward.unsqueeze(-1))}
     arms = _add(m.upper_arm, _turned(angles, ELBOWS["left"], m.forearm))
     arms = _both(_turned(angles, SHOULDERS["left"], arms))
     return _turned(angles, TRUNK, _add(_add(m.trunk, _turned(angles, NECK, m.neck)), arms))
 
 
 def sway_sensitivity(character: Character, gains: Tensor) -> Tensor:
-    """How far the centre of mass moves per unit of sway, forward and to the left (P, 2) [1/s].
+    """How far the centre of mass moves per unit of sway, forward and to the left (2, P) [1/s].
 
-    gains: (P, 11, 2) of an `Answer`. Linear in them, at the rest pose: the sum over joints of the gain times the moment
+    gains: (2, 11, P) of an `Answer`. Linear in them, at the rest pose: the sum over joints of the gain times the moment
     arm of what hangs on it.
     """
     m = _moments(character)
@@ -212,8 +216,8 @@ def sway_sensitivity(character: Character, gains: Tensor) -> Tensor:
     neck, trunk = m.neck[1], m.trunk[1] + m.neck[1] - 2.0 * arm
     forward = (trunk, 0.0, 0.0, neck, 0.0, arm, arm, 0.0, 0.0, forearm, forearm)
     sideways = (0.0, -trunk, 0.0, 0.0, -neck, 0.0, 0.0, arm, -arm, 0.0, 0.0)
-    levers = torch.stack([constant(row, gains.dtype, gains.device) for row in (forward, sideways)], dim=-1)
-    return (gains * levers).sum(1)
+    levers = torch.stack([constant(row, gains.dtype, gains.device) for row in (forward, sideways)])
+    return (gains * levers.unsqueeze(-1)).sum(1)
 
 
 def hip_joint(character: Character, channels: dict[str, Tensor], side: str) -> Vector:
@@ -224,23 +228,23 @@ def hip_joint(character: Character, channels: dict[str, Tensor], side: str) -> V
 
 
 def foot_height(character: Character, lower: Tensor, height: Tensor) -> Tensor:
-    """Height of the left and the right contact point above the ground (P, 2, M) for a height of HIP (P, M) [m].
+    """Height of the left and the right contact point above the ground (2, P, M) for a height of HIP (P, M) [m].
 
-    lower: (P, 8, M) in the order of LOWER.
+    lower: (8, P, M) in the order of LOWER.
     """
-    thigh, knee, tilt, roll, _ = lower.split((2, 2, 2, 1, 1), dim=1)
+    thigh, knee, tilt, roll, _ = lower.split((2, 2, 2, 1, 1))
     angle = thigh - knee_offset(knee, character.thigh, character.shank)
     down = leg_reach(knee, character.thigh, character.shank) * torch.cos(angle) * torch.cos(tilt)
     half = constant((character.hip_half_width, -character.hip_half_width), lower.dtype, lower.device)
-    hips = half.unsqueeze(-1) * torch.sin(roll)
-    return height.unsqueeze(1) + hips - down
+    hips = half[:, None, None] * torch.sin(roll)
+    return height + hips - down
 
 
 def by_name(lower: Tensor, upper: Tensor, genes: dict[str, Tensor]) -> dict[str, Tensor]:
-    """All channels (P, M) of `hopdiff.channels`. lower, upper: (P, C, M) in the order of LOWER and UPPER."""
-    channels = dict(zip((*LOWER, *UPPER), (*lower.unbind(1), *upper.unbind(1)), strict=True))
+    """All channels (P, M) of `hopdiff.channels`. lower, upper: (C, P, M) in the order of LOWER and UPPER."""
+    channels = dict(zip((*LOWER, *UPPER), (*lower.unbind(0), *upper.unbind(0)), strict=True))
     constants = {"pelvis_tilt": "pelvis_tilt", "left_inward": "arm_inward", "right_inward": "arm_inward"}
-    like = lower[:, 0]
+    like = lower[0]
     return channels | {name: genes[gene].unsqueeze(-1).expand_as(like) for name, gene in constants.items()}
 
 

@@ -14,16 +14,17 @@ from hopdiff.models.gait import Pose
 from hopdiff.models.steps import Steps
 from hopdiff.numerics import chebyshev_interpolate
 from hopdiff.physics.balance import support_path, support_side
-from hopdiff.physics.legs import LegPose, Swing, knee_offset, leg_pose
+from hopdiff.physics.leg_motion import knee_offset_slopes
+from hopdiff.physics.legs import LegMotion, LegPose, Swing, knee_offset, leg_pose
 
 
-def stance_pose(
+def standing_foot(
     character: Character, steps: Steps, ahead: Tensor, height: Tensor, pelvis: dict[str, Tensor]
-) -> tuple[LegPose, Tensor]:
-    """Pose and reach of the leg that carries, for places of HIP (B, M) ahead of and above its foot [m]."""
+) -> tuple[Tensor, Tensor, Tensor]:
+    """The foot that carries from its hip joint (B, M), to the left, up and forward, for places of HIP (B, M) ahead of
+    and above the foot [m]."""
     hip = hip_joint(character, pelvis, "left")
-    foot = (0.5 * steps.genes["step_width"].unsqueeze(-1), -height, -ahead)
-    return leg_pose(foot[0] - hip[0], foot[1] - hip[1], foot[2] - hip[2], character.thigh, character.shank)
+    return 0.5 * steps.genes["step_width"].unsqueeze(-1) - hip[0], -height - hip[1], -ahead - hip[2]
 
 
 def pelvis_channels(steps: Steps, time: Tensor) -> dict[str, Tensor]:
@@ -38,16 +39,26 @@ def pelvis_channels(steps: Steps, time: Tensor) -> dict[str, Tensor]:
 
 
 def lower_angles(character: Character, left: LegPose, right: LegPose, pelvis: dict[str, Tensor]) -> Tensor:
-    """(B, 8, M) in the order of `body.LOWER`; the right pose comes from curves of a left leg and is mirrored here."""
-    angle, knee = (torch.stack(pair, dim=1) for pair in ((left.angle, right.angle), (left.knee, right.knee)))
+    """(8, B, M) in the order of `body.LOWER`; the right pose comes from curves of a left leg and is mirrored here."""
+    angle, knee = (torch.stack(pair) for pair in ((left.angle, right.angle), (left.knee, right.knee)))
     thigh = angle + knee_offset(knee, character.thigh, character.shank)
-    rest = torch.stack((left.tilt, -right.tilt, pelvis["pelvis_roll"], pelvis["pelvis_yaw"]), dim=1)
-    return torch.cat((thigh, knee, rest), dim=1)
+    rest = torch.stack((left.tilt, -right.tilt, pelvis["pelvis_roll"], pelvis["pelvis_yaw"]))
+    return torch.cat((thigh, knee, rest))
 
 
-def join_poses(stance: LegPose, flight: LegPose) -> LegPose:
-    """The pose of a leg on moments of the stance (B, M) and of the flight (B, L) after it, one after the other."""
-    return LegPose(*(torch.cat(pair, dim=-1) for pair in zip(stance, flight, strict=True)))
+def leg_rates(character: Character, left: LegMotion, right: LegMotion) -> tuple[Tensor, Tensor]:
+    """Rates and accelerations (4, B, M) of both thighs and both knees, see `lower_angles`."""
+    knee, pace, bend = (torch.stack((a.knee, b.knee)) for a, b in zip(left, right, strict=True))
+    slope, curve = knee_offset_slopes(knee, character.thigh, character.shank)
+    thigh_pace = torch.stack((left.rate.angle, right.rate.angle)) + slope * pace
+    thigh_bend = torch.stack((left.acceleration.angle, right.acceleration.angle)) + slope * bend + curve * pace**2
+    return torch.cat((thigh_pace, pace)), torch.cat((thigh_bend, bend))
+
+
+def join_phases(stance: LegMotion, flight: LegMotion) -> LegMotion:
+    """A leg on moments of the stance (B, M) and of the flight (B, L) after it, one after the other."""
+    pairs = zip(stance, flight, strict=True)
+    return LegMotion(*(LegPose(*(torch.cat(pair, dim=-1) for pair in zip(*both, strict=True))) for both in pairs))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +129,11 @@ class SmoothGait:
 
         x = (time / contact).clamp(max=1.0)
         height, ahead = cycle.stance_height(x), cycle.stance_forward(x)
-        pose, _ = stance_pose(self.character, steps, ahead, height, pelvis_channels(steps, x * contact))
+        foot = standing_foot(self.character, steps, ahead, height, pelvis_channels(steps, x * contact))
+        pose, _ = leg_pose(*foot, self.character.thigh, self.character.shank)
         stance = [
             *pose,
-            *self.other_swing.swing(x),
+            *self.other_swing.swing(x).pose,
             height,
             reach + ahead,
             *(chebyshev_interpolate(axis[:, 0], x) for axis in self.sway.unbind(1)),
@@ -131,8 +143,8 @@ class SmoothGait:
         ]
         x = ((time - contact) / flight).clamp(min=0.0, max=1.0)
         air = [
-            *self.swing.first_flight(x),
-            *self.other_swing.last_flight(x),
+            *self.swing.first_flight(x).pose,
+            *self.other_swing.last_flight(x).pose,
             cycle.flight_height(x),
             2.0 * reach + cycle.speed.unsqueeze(-1) * flight * x,
             *(chebyshev_interpolate(axis[:, 1], x) for axis in self.sway.unbind(1)),

@@ -139,12 +139,12 @@ class ThesisModel:
     def _balance(
         self, genes: dict[str, Tensor], speed: Tensor, lower: Tensor, answer: Answer, target: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Upper-body angles (P, 11, F), errors (P, F, 2) and centre of mass height above HIP, by frames from rest.
+        """Upper-body angles (11, P, F), errors (P, F, 2) and centre of mass height above HIP, by frames from rest.
 
-        lower: (P, 8, F). target: (P, 2, F) forward and to the left of HIP [m]; so are errors.
+        lower: (8, P, F). target: (P, 2, F) forward and to the left of HIP [m]; so are errors.
         """
         left, up, forward = lower_centre(self.character, lower, genes["pelvis_tilt"])
-        low = torch.cat((forward, left), dim=1)
+        low = torch.stack((forward, left), dim=1)
         still = torch.zeros_like(target[:, :, 0])
         sway = (still, still, still)
         columns, errors, heights = [], [], []
@@ -152,10 +152,10 @@ class ThesisModel:
             here = answer._replace(base=answer.base[:, :, frame : frame + 1])
             upper = here.angles((sway[0] * speed.unsqueeze(-1)).unsqueeze(-1))
             high = upper_centre(self.character, upper, genes["arm_inward"])
-            error = target[:, :, frame] - low[:, :, frame] - torch.cat((high[2], high[0]), dim=1).squeeze(-1)
+            error = target[:, :, frame] - low[:, :, frame] - torch.cat((high[2], high[0]), dim=-1)
             columns.append(upper)
             errors.append(error)
-            heights.append(up[:, 0, frame] + high[1][:, 0, 0])
+            heights.append(up[:, frame] + high[1][:, 0])
             sway = (step_balance(sway, error, self.step, speed.unsqueeze(-1)), sway[0], sway[1])
         return torch.cat(columns, dim=-1), torch.stack(errors, dim=1), torch.stack(heights, dim=1)
 
@@ -163,11 +163,11 @@ class ThesisModel:
         """One step, or both of a limp, on frames; joint accelerations do not reach across take-off, gamma does."""
         f = self.frames(genes, speed)
         genes, speed, cycle = f.steps.genes, f.steps.speed, f.steps.cycle
-        lower = torch.stack([f.base[name] for name in LOWER], dim=1)
+        lower = torch.stack([f.base[name] for name in LOWER])
         answer = Answer.of(genes, f.stride_phase, f.base["trunk_yaw"], speed)
         target = torch.stack((f.target_forward, f.target_side), dim=1)
         upper, error, com_height = self._balance(genes, speed, lower, answer, target)
-        angles = torch.cat((lower, upper), dim=1).transpose(1, 2)
+        angles = torch.cat((lower, upper)).permute(1, 2, 0)
         rates = torch.diff(angles, dim=1) / self.step
         inner = torch.diff(rates, dim=1) / self.step
         accelerations = torch.cat((inner[:, :1], inner, inner[:, -1:]), dim=1)
@@ -204,7 +204,7 @@ class ThesisModel:
             balance_error=error.flip(-1),
             com_height=f.hops.height + com_height,
             foot_height=foot_height(self.character, lower, f.hops.height)
-            .transpose(1, 2)
+            .permute(1, 2, 0)
             .masked_fill(~used.unsqueeze(-1), 0.0),
             leg_force=torch.where(f.hops.in_flight, torch.zeros_like(force), force),
             reach=f.reach,
@@ -212,10 +212,10 @@ class ThesisModel:
             contact_time=f.stance_frames.to(speed) * self.step,
             flight_time=(f.step_frames - f.stance_frames).to(speed) * self.step,
             speed=speed,
-            sway_stiffness=stiffness[:, 0],
+            sway_stiffness=stiffness[0],
             solved=complete,
         )
-        return found if f.steps.count == 1 else join_steps(found, stiffness[:, 1])
+        return found if f.steps.count == 1 else join_steps(found, stiffness[1])
 
     def gait(self, genes: dict[str, Tensor], speed: Tensor) -> ThesisGait:
         """The stride after `strides` strides in which the balance settles, over and over.
@@ -228,7 +228,7 @@ class ThesisModel:
         course = lay_out(f.steps, f.step_frames, 2 * (self.strides + 1) + 1)
         values = along(course, f, self.step)
         own = {name: value[: len(speed)] for name, value in f.steps.genes.items()}
-        lower = torch.stack([values[name] for name in LOWER], dim=1)
+        lower = torch.stack([values[name] for name in LOWER])
         answer = Answer.of(own, values["stride_phase"], values["trunk_yaw"], speed)
         target = torch.stack((values["target_forward"], values["target_side"]), dim=1)
         upper, _, _ = self._balance(own, speed, lower, answer, target)

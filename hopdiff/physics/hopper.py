@@ -26,7 +26,7 @@ from hopdiff.numerics import (
 )
 
 STANCE_NODES = 12  # on half a stance; 12 nodes leave an error below 1e-9 of the leg length in the gene box
-NEWTON_STEPS = {True: 6, False: 12}  # with the flight time given, and with the stiffness given, which is harder
+NEWTON_STEPS = {True: 5, False: 12}  # with the flight time given, and with the stiffness given, which is harder
 
 
 class Cycle(NamedTuple):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from hopdiff.numerics import differentiation_matrix, hermite, safe_acos, safe_sqrt, smooth_max
+from hopdiff.numerics import hermite_motion, safe_acos, safe_sqrt, smooth_max
 
 FLIGHT_ROOM = 0.8  # share of the way to the straight knee that follow-through may use
 TRAIL_ROOM = 0.15  # rad, how far the leg may trail behind its take-off angle before it swings back
@@ -25,12 +25,21 @@ STRAIGHTEST_KNEE = 0.06  # rad, the knee never comes closer to straight than thi
 
 
 Piece = tuple[Tensor, ...]  # a cubic: start, end, start_rate, end_rate and duration, columns (P, 1)
+Curve = tuple[Tensor, ...]  # values with first and second derivative by time, (P, M) each
 
 
 class LegPose(NamedTuple):
     angle: Tensor
     knee: Tensor
     tilt: Tensor
+
+
+class LegMotion(NamedTuple):
+    """A leg pose with its rates [rad/s] and accelerations [rad/s^2]."""
+
+    pose: LegPose
+    rate: LegPose
+    acceleration: LegPose
 
 
 class SwingGenes(NamedTuple):
@@ -72,13 +81,6 @@ def leg_reach(knee: Tensor, thigh: float, shank: float) -> Tensor:
     return safe_sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * torch.cos(knee))
 
 
-def end_rates(values: Tensor, duration: Tensor) -> tuple[Tensor, Tensor]:
-    """Rates at both ends of a phase from values (P, N) on its Chebyshev nodes; duration (P,) [s]."""
-    n = values.shape[-1]
-    d = differentiation_matrix(n, values.dtype, values.device)
-    return values @ d[0] / duration, values @ d[-1] / duration
-
-
 class Swing(NamedTuple):
     """The leg through the air, from its take-off to its next touchdown; every curve is analytic in time.
 
@@ -105,8 +107,8 @@ class Swing(NamedTuple):
     follow_power: Tensor
     reach_power: Tensor
 
-    def first_flight(self, x: Tensor) -> LegPose:
-        """Pose at shares x (P, M) of the flight after take-off."""
+    def first_flight(self, x: Tensor) -> LegMotion:
+        """At shares x (P, M) of the flight after take-off."""
         still = torch.zeros_like(self.flight)
         swung = (self.start.angle, self.angle_start, still, self.angle_start_rate, self.flight)
         angle, knee, tilt = _curves(
@@ -114,11 +116,12 @@ class Swing(NamedTuple):
         )
         leaving = torch.stack((self.start_rate.angle, self.start_rate.knee), dim=1)
         powers = torch.stack((self.trail_power, self.follow_power), dim=1)
-        trail, follow = _transient(x.unsqueeze(1), leaving, self.flight.unsqueeze(1), powers).unbind(1)
-        return LegPose(angle + trail, knee + follow, tilt)
+        fading = _transient(x.unsqueeze(1), leaving, self.flight.unsqueeze(1), powers)
+        trail, follow = zip(*(part.unbind(1) for part in fading), strict=True)
+        return _motion(_plus(angle, trail), _plus(knee, follow), tilt)
 
-    def swing(self, x: Tensor) -> LegPose:
-        """Pose at shares x (P, M) of the other leg's stance."""
+    def swing(self, x: Tensor) -> LegMotion:
+        """At shares x (P, M) of the other leg's stance."""
         swung = (self.angle_start, self.angle_end, self.angle_start_rate, self.angle_end_rate, self.contact)
         half, twice = 0.5 * self.contact, 2.0 * x
         angle, early, late, tilt = _curves(
@@ -127,15 +130,19 @@ class Swing(NamedTuple):
             ((twice - 1.0).clamp(min=0.0), self._knee(2, half)),
             (self._whole_share(self.flight + x * self.contact), self._tilt()),
         )
-        return LegPose(angle, torch.where(x < 0.5, early, late), tilt)
+        first = x < 0.5
+        knee = tuple(torch.where(first, a, b) for a, b in zip(early, late, strict=True))
+        return _motion(angle, knee, tilt)
 
-    def last_flight(self, x: Tensor) -> LegPose:
-        """Pose at shares x (P, M) of the flight before touchdown."""
+    def last_flight(self, x: Tensor) -> LegMotion:
+        """At shares x (P, M) of the flight before touchdown."""
         # Equation (6) of Kang (1999): this cubic is the parabola in time whose extremum lies at alpha T.
         swung = (self.angle_end, self.end.angle, self.angle_end_rate, self.end_rate.angle, self.flight)
         tilt_share = self._whole_share(self.flight + self.contact + x * self.flight)
         angle, knee, tilt = _curves((x, swung), (x, self._knee(3, self.flight)), (tilt_share, self._tilt()))
-        return LegPose(angle, knee + _transient(1.0 - x, -self.end_rate.knee, self.flight, self.reach_power), tilt)
+        # Seen backwards in time, which turns rates round.
+        value, rate, bend = _transient(1.0 - x, -self.end_rate.knee, self.flight, self.reach_power)
+        return _motion(angle, _plus(knee, (value, -rate, bend)), tilt)
 
     def _knee(self, i: int, duration: Tensor) -> Piece:
         """Piece i of the knee's spline."""
@@ -150,16 +157,34 @@ class Swing(NamedTuple):
         return time / (2.0 * self.flight + self.contact)
 
 
-def _curves(*curves: tuple[Tensor, Piece]) -> tuple[Tensor, ...]:
-    """Values (P, M) of cubics at shares (P, M) of each, all at once."""
+def _motion(angle: Curve, knee: Curve, tilt: Curve) -> LegMotion:
+    return LegMotion(*(LegPose(*parts) for parts in zip(angle, knee, tilt, strict=True)))
+
+
+def _plus(a: Curve, b: Curve) -> Curve:
+    return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def _curves(*curves: tuple[Tensor, Piece]) -> list[Curve]:
+    """Cubics at shares (P, M) of each, all at once."""
     shares, pieces = zip(*curves, strict=True)
     columns = (torch.stack(column, dim=1) for column in zip(*pieces, strict=True))
-    return hermite(torch.stack(torch.broadcast_tensors(*shares), dim=1), *columns).unbind(1)
+    found = hermite_motion(torch.stack(torch.broadcast_tensors(*shares), dim=1), *columns)
+    return list(zip(*(part.unbind(1) for part in found), strict=True))
 
 
-def _transient(x: Tensor, rate: Tensor, duration: Tensor, power: Tensor) -> Tensor:
-    """A curve that starts at zero with `rate`, swings out and fades: rate t (1 - x)^power, t = x duration."""
-    return rate * duration * x * (1.0 - x).clamp_min(1e-12) ** power
+def _transient(x: Tensor, rate: Tensor, duration: Tensor, power: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """A curve that starts at zero with `rate`, swings out and fades, and its first and second derivative by time.
+
+    It is rate t (1 - x)^power with t = x duration and a power above 2.
+    """
+    rest = (1.0 - x).clamp_min(1e-12)
+    fading = rest ** (power - 2.0)
+    once = fading * rest
+    value = rate * duration * x * once * rest
+    pace = rate * once * (rest - power * x)
+    bend = (rate * power / duration) * ((power - 1.0) * x * fading - 2.0 * once)
+    return value, pace, bend
 
 
 def _fade_powers(

@@ -46,8 +46,8 @@ def random_channels(frames: int = 40, seed: int = 0) -> dict[str, Tensor]:
 
 
 def rows(channels: dict[str, Tensor], names: tuple[str, ...]) -> Tensor:
-    """(1, C, T)."""
-    return torch.stack([channels[name] for name in names], dim=1)
+    """(C, 1, T)."""
+    return torch.stack([channels[name] for name in names])
 
 
 def full_body(name: str, channels: dict[str, Tensor], height: Tensor) -> tuple[Tensor, Tensor, dict[str, Tensor]]:
@@ -67,7 +67,7 @@ def test_centre_of_mass(name: str) -> None:
         channels[still] = value.expand(1, 40)
     positions, orientations, _ = full_body(name, channels, torch.zeros(1, 40).double())
     low, high = lower_centre(body, rows(channels, LOWER), tilt), upper_centre(body, rows(channels, UPPER), inward)
-    found = torch.stack([(a + b)[:, 0] for a, b in zip(low, high, strict=True)], dim=-1)
+    found = torch.stack([a + b for a, b in zip(low, high, strict=True)], dim=-1)
     torch.testing.assert_close(found, body.centre_of_mass(positions, orientations), atol=1e-12, rtol=0.0)
 
 
@@ -77,7 +77,7 @@ def test_feet_and_hips(name: str) -> None:
     height = torch.linspace(0.5, 1.0, 40, dtype=torch.float64).unsqueeze(0)
     positions, _, ends = full_body(name, channels, height)
     feet = foot_height(body, rows(channels, LOWER), height)
-    for side, found in zip(("left", "right"), feet.unbind(1), strict=True):
+    for side, found in zip(("left", "right"), feet.unbind(0), strict=True):
         torch.testing.assert_close(found, ends[f"{side}_knee"][..., 1], atol=1e-12, rtol=0.0)
         hip = torch.stack(hip_joint(body, channels, side), dim=-1)
         wanted = positions[..., body.skeleton.index(f"{side}_hip"), :] - positions[..., 0, :]
@@ -123,7 +123,7 @@ def answer(g: dict[str, Tensor]) -> Answer:
 
 def upper(g: dict[str, Tensor], sway: float = 0.0, side: float = 0.0) -> dict[str, Tensor]:
     swayed = torch.tensor([sway, side], dtype=torch.float64)[None, :, None].expand(1, 2, 9)
-    return dict(zip(UPPER, answer(g).angles(swayed).unbind(1), strict=True))
+    return dict(zip(UPPER, answer(g).angles(swayed).unbind(0), strict=True))
 
 
 def test_arms_swing_against_the_legs_of_their_own_side() -> None:
@@ -166,12 +166,12 @@ def test_sensitivity_is_the_slope_of_the_centre_of_mass(eta: str) -> None:
 
     def centre(sway: float, side: float) -> tuple[float, float]:
         point = upper_centre(body, rows(upper(g, sway, side), UPPER), g["arm_inward"])
-        return float(point[2][0, 0, 0]), float(point[0][0, 0, 0])  # type: ignore[index]
+        return float(point[2][0, 0]), float(point[0][0, 0])  # type: ignore[index]
 
     forward = (centre(tiny, 0.0)[0] - centre(-tiny, 0.0)[0]) / (2.0 * tiny)
     sideways = (centre(0.0, tiny)[1] - centre(0.0, -tiny)[1]) / (2.0 * tiny)
     wanted = sway_sensitivity(body, answer(g).gains)
-    assert (forward, sideways) == pytest.approx(wanted[0].tolist(), abs=1e-6)
+    assert (forward, sideways) == pytest.approx(wanted[:, 0].tolist(), abs=1e-6)
     assert abs(forward) + abs(sideways) > 1e-3
 
 
