@@ -245,7 +245,7 @@ def test_gamma_looks_a_sixtieth_of_a_second_ahead_from_both_sides_of_take_off() 
             for joint, (name, _, _) in enumerate(JOINT_CHANNELS[:4]):
                 # What touchdown asks of the other knee sets in as a power of 2.5, which no polynomial follows far.
                 powered = sign > 0 and name.startswith("right_")
-                away = sign * (2e-3 if powered else 0.03) * float(phase) * share
+                away = sign * (2e-3 if powered else 5e-3) * float(phase) * share
                 # The moment itself belongs to the stance.
                 times = float(t.contact_time) + (away.clamp_min(1e-12) if sign > 0 else away)
                 curve = Chebyshev.fit(away.numpy(), poses_at(gait, times).channels[name].numpy(), 6)
