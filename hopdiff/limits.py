@@ -11,44 +11,35 @@ import math
 import torch
 from torch import Tensor
 
+from hopdiff.channels import SIDES
 from hopdiff.character import Character
 from hopdiff.costs import LimitSettings
 from hopdiff.models.trajectory import JOINT_CHANNELS, Trajectory
+from hopdiff.numerics import constant
 from hopdiff.types import Status
 
 JOINT_LIMIT_SCALE = 0.5  # rad beyond its range at which a joint is grossly wrong
+COLUMNS = {name: i for i, (name, _, _) in enumerate(JOINT_CHANNELS)}
+# Kind of joint, channel, and how much of the pelvis tilt comes on top: the pelvis tips forward under the trunk, which
+# folds the hip by as much and straightens the waist.
+LIMITED = (
+    *((kind, f"{side}_{kind}", 0.0) for kind in ("knee", "shoulder", "elbow") for side in SIDES),
+    ("neck", "neck_flex", 0.0),
+    *(("hip", f"{side}_thigh", 1.0) for side in SIDES),
+    ("waist", "trunk_lean", -1.0),
+)
 
 
 def excesses(trajectory: Trajectory, character: Character, limits: LimitSettings) -> dict[Status, Tensor]:
     """How far each constraint is broken (P,), in units in which 1 is gross; negative inside."""
-    columns = {name: i for i, (name, _, _) in enumerate(JOINT_CHANNELS)}
     used = trajectory.weights > 0
 
     def largest(values: Tensor) -> Tensor:
         return values.masked_fill(~used, -torch.inf).amax(-1)
 
     standing = trajectory.leg_force > 0
-    knee = trajectory.angles[..., columns["left_knee"]]
+    knee = trajectory.angles[..., COLUMNS["left_knee"]]
     stance_knee = knee.masked_fill(~(standing & used), 0.0).amax(-1)
-    joints = []
-    for kind, channel_names in (
-        ("knee", ("left_knee", "right_knee")),
-        ("shoulder", ("left_shoulder", "right_shoulder")),
-        ("elbow", ("left_elbow", "right_elbow")),
-        ("neck", ("neck_flex",)),
-    ):
-        low, high = character.limits[kind]
-        for name in channel_names:
-            values = trajectory.angles[..., columns[name]]
-            joints += [largest(values - high), largest(low - values)]
-    for side in ("left", "right"):
-        # The pelvis tips forward under the trunk, which folds the hip by as much.
-        values = trajectory.angles[..., columns[f"{side}_thigh"]] + trajectory.pelvis_tilt.unsqueeze(-1)
-        low, high = character.limits["hip"]
-        joints += [largest(values - high), largest(low - values)]
-    waist = trajectory.angles[..., columns["trunk_lean"]] - trajectory.pelvis_tilt.unsqueeze(-1)
-    low, high = character.limits["waist"]
-    joints += [largest(waist - high), largest(low - waist)]
     lowest = trajectory.foot_height.flatten(1).amin(-1)
     tolerance = 1e-3 * limits.foot_below_ground_mm
     return {
@@ -56,10 +47,26 @@ def excesses(trajectory: Trajectory, character: Character, limits: LimitSettings
         Status.LEG_COLLAPSED: (stance_knee - math.radians(limits.knee_stance_deg)) / 0.5,
         Status.LEG_FORCE: (largest(trajectory.leg_force) - limits.leg_force_bw) / 2.0,
         Status.FOOT_UNDERGROUND: (-lowest - tolerance) / (0.05 * character.leg_length),
-        Status.JOINT_LIMIT: torch.stack(joints).amax(0) / JOINT_LIMIT_SCALE,
+        Status.JOINT_LIMIT: _joint_excess(trajectory, character, used) / JOINT_LIMIT_SCALE,
         Status.BALANCE_UNSTABLE: (limits.sway_stiffness - trajectory.sway_stiffness) / 0.1,
         Status.NO_FLIGHT: (limits.flight_time_s - trajectory.flight_time) / 0.02,
     }
+
+
+def _joint_excess(trajectory: Trajectory, character: Character, used: Tensor) -> Tensor:
+    """How far the joint that is worst is beyond its range (P,), negative inside [rad]."""
+    angles = trajectory.angles
+    kinds, names, tilts = zip(*LIMITED, strict=True)
+    columns = constant(tuple(COLUMNS[name] for name in names), torch.int64, angles.device)
+    low, high, tilt = (
+        constant(tuple(row), angles.dtype, angles.device).unsqueeze(-1)
+        for row in (*zip(*(character.limits[kind] for kind in kinds), strict=True), tilts)
+    )
+    values = angles.permute(2, 0, 1).index_select(0, columns)
+    shift = tilt * trajectory.pelvis_tilt
+    most = values.masked_fill(~used, -torch.inf).amax(-1) + shift - high
+    least = low - shift - values.masked_fill(~used, torch.inf).amin(-1)
+    return torch.maximum(most, least).amax(0)
 
 
 def penalty(excess: dict[Status, Tensor], limits: LimitSettings) -> Tensor:
@@ -81,7 +88,7 @@ def status_of(excess: dict[Status, Tensor], solved: Tensor) -> Tensor:
     kinds = list(excess)
     stacked = torch.stack(list(excess.values()))
     worst, which = stacked.max(0)
-    codes = torch.tensor([int(k) for k in kinds], device=worst.device)[which]
+    codes = constant(tuple(int(k) for k in kinds), torch.int64, worst.device)[which]
     status = torch.where(worst > 0, codes, torch.zeros_like(codes))
     status = torch.where(torch.isfinite(stacked).all(0), status, torch.full_like(status, int(Status.NOT_FINITE)))
     return torch.where(solved, status, torch.full_like(status, int(Status.STANCE_UNSOLVED)))

@@ -166,3 +166,18 @@ def hermite(x: Tensor, start: Tensor, end: Tensor, start_rate: Tensor, end_rate:
     a = start_rate * duration
     b = end_rate * duration
     return start + x * (a + x * (3.0 * change - 2.0 * a - b + x * (a + b - 2.0 * change)))
+
+
+def hermite_motion(
+    x: Tensor, start: Tensor, end: Tensor, start_rate: Tensor, end_rate: Tensor, duration: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """The same cubic with its first and second derivative by time."""
+    change = end - start
+    a = start_rate * duration
+    b = end_rate * duration
+    square, cube = 3.0 * change - 2.0 * a - b, a + b - 2.0 * change
+    bent = square + x * cube
+    # The derivatives of a x + x^2 (square + x cube) by x.
+    rate = a + x * (2.0 * bent + x * cube)
+    bend = 2.0 * (bent + 2.0 * x * cube)
+    return start + x * (a + x * bent), rate / duration, bend / duration**2

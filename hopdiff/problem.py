@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from hopdiff import costs, limits
 from hopdiff.character import Character
@@ -20,8 +21,10 @@ from hopdiff.models.trajectory import Trajectory
 from hopdiff.motion import Motion
 from hopdiff.numerics import gradient_of_each
 from hopdiff.objective import Term, priced, residuals_of, with_brought
-from hopdiff.search.base import Eval
+from hopdiff.search.base import Eval, joined
 from hopdiff.types import HopdiffError, Status, check_asked
+
+CHUNK = 256  # candidates priced at once: more are hardly faster, and need memory
 
 
 class RunProblem:
@@ -141,22 +144,30 @@ class RunProblem:
 
     def evaluate(self, genes: Tensor, with_grad: bool) -> Eval:
         """Price candidates (P, G) of the unit box; `with_grad` adds the gradient of the merit."""
-        genes = genes.detach()
+        return joined([self._evaluated(part, with_grad) for part in genes.detach().split(CHUNK)])
+
+    def residuals(self, genes: Tensor) -> Eval:
+        """The same without gradient, but with residuals: of the terms one after the other, and of the penalty."""
+        parts, roots = zip(*(self._with_roots(part) for part in genes.detach().split(CHUNK)), strict=True)
+        columns = [_rows(term) for term in zip(*roots, strict=True)]
+        return joined(parts)._replace(residuals=torch.cat(columns, dim=-1))
+
+    def _evaluated(self, genes: Tensor, with_grad: bool) -> Eval:
         if with_grad:
-            genes = genes.requires_grad_(True)
+            genes = genes.clone().requires_grad_(True)
         with torch.set_grad_enabled(with_grad):
             judged = self._judged(genes, self.trajectory(genes))
             merit, terms, status, _ = self._priced(judged)
             gradient = gradient_of_each(torch.where(torch.isfinite(merit), merit, 0.0), genes)[0] if with_grad else None
         return self._told(merit.detach(), {k: v.detach() for k, v in terms.items()}, status, gradient)
 
-    def residuals(self, genes: Tensor) -> Eval:
-        """The same without gradient, but with residuals: of the terms one after the other, and of the penalty."""
+    def _with_roots(self, genes: Tensor) -> tuple[Eval, list[Tensor]]:
+        """What `evaluate` tells, and residuals (P, R) of every term and of the penalty."""
         with torch.no_grad():
             judged = self._judged(genes, self.trajectory(genes))
             merit, terms, status, excess = self._priced(judged)
             roots = [*residuals_of(self.terms, judged, terms), limits.penalty_roots(excess, self.settings.limits)]
-        return self._told(merit, terms, status)._replace(residuals=torch.cat(roots, dim=-1))
+        return self._told(merit, terms, status), roots
 
     def _told(self, merit: Tensor, terms: dict[str, Tensor], status: Tensor, gradient: Tensor | None = None) -> Eval:
         """A candidate whose stance is not solved has no merit; one that breaks a constraint has no cost."""
@@ -180,3 +191,9 @@ class RunProblem:
         """One stride of a candidate (G,) at about `fps` frames/s: the nearest rate with a whole number of frames."""
         with torch.no_grad():
             return stride_motion(self.gait(genes.unsqueeze(0)), fps)
+
+
+def _rows(parts: Sequence[Tensor]) -> Tensor:
+    """Residuals (P_i, R_i) of one term, one part after the other; a part whose frames end sooner is filled with 0."""
+    longest = max(part.shape[-1] for part in parts)
+    return torch.cat([functional.pad(part, (0, longest - part.shape[-1])) for part in parts])

@@ -88,6 +88,9 @@ def test_hermite_agrees_with_scipy() -> None:
     spline = CubicHermiteSpline([0.0, 0.35], [0.3, -1.2], [4.0, -7.0])
     found = numerics.hermite(x, start, end, start_rate, end_rate, duration)
     assert np.allclose(found.numpy(), spline(0.35 * x.numpy()), atol=1e-12)
+    motion = numerics.hermite_motion(x, start, end, start_rate, end_rate, duration)
+    for order, values in enumerate(motion):
+        assert np.allclose(values.numpy(), spline(0.35 * x.numpy(), nu=order), atol=1e-9)
 
 
 def test_vector_products_along_any_axis_are_those_of_the_library() -> None:

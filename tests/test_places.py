@@ -116,8 +116,8 @@ def gene(house: House) -> None:
     house.change("conf/genes/default.yaml", "  neck_flex:", row)
     house.change(
         "hopdiff/models/body.py",
-        '"neck_flex": g["neck_flex"] + g["eta_neck_flex"] * lean',
-        '"neck_flex": g["neck_flex"] + g["nod"] + g["eta_neck_flex"] * lean',
+        'zero, genes["neck_flex"], zero',
+        'zero, genes["neck_flex"] + genes["nod"], zero',
     )
     found = numbers(house.run(*QUICK), "genes.json")["genes"]
     assert 0.0 <= found["nod"]["value"] <= 4.0  # type: ignore[index]

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 import warnings
 
 import pytest
 import torch
 from torch import Tensor
 
+import hopdiff.problem as module
 from hopdiff import costs, limits
 from hopdiff.composing import compose
 from hopdiff.config import build_job
@@ -87,6 +90,47 @@ def test_neighbours_do_not_matter() -> None:
             torch.testing.assert_close(other.merit[i], alone.merit[0], rtol=1e-9, atol=1e-12)
             torch.testing.assert_close(other.grad[i], alone.grad[0], rtol=1e-6, atol=1e-9)
             assert int(other.status[i]) == int(alone.status[0])
+
+
+@pytest.mark.parametrize("settings", [("speed=5",), ("speed=4", "limp.amount=0.3"), ("model=thesis", "speed=5")])
+def test_many_candidates_are_priced_in_chunks(monkeypatch: pytest.MonkeyPatch, settings: tuple[str, ...]) -> None:
+    """Of the thesis, a chunk of short steps has fewer frames than one of long steps."""
+    p = problem(*settings)
+    genes = draw(p, 11, inside=0.1)
+    priced, told = p.evaluate(genes, with_grad=True), p.residuals(genes)
+    assert int(priced.merit.isfinite().sum()) > 5
+    monkeypatch.setattr(module, "CHUNK", 4)
+    sizes = []
+    whole = RunProblem.trajectory
+    monkeypatch.setattr(RunProblem, "trajectory", lambda own, x: sizes.append(len(x)) or whole(own, x))
+    for found, wanted in ((p.evaluate(genes, with_grad=True), priced), (p.residuals(genes), told)):
+        for name in ("cost", "merit", "status", "grad", "residuals"):
+            torch.testing.assert_close(getattr(found, name), getattr(wanted, name), rtol=1e-9, atol=1e-10, msg=name)
+        assert set(found.terms) == set(wanted.terms)
+        for name, value in wanted.terms.items():
+            torch.testing.assert_close(found.terms[name], value, rtol=1e-9, atol=1e-12)
+    assert sizes == [4, 4, 3, 4, 4, 3]
+
+
+@pytest.mark.thorough
+def test_a_large_population_needs_little_memory() -> None:
+    """In a process of its own, whose peak is its own: 4,096 candidates with gradient, and with residuals."""
+    code = """
+import resource
+import torch
+from hopdiff.composing import compose
+from hopdiff.config import build_job
+problem = build_job(compose(["model=smooth"])).problem
+genes = torch.rand(4096, problem.dimension, dtype=problem.dtype, generator=torch.Generator().manual_seed(0))
+problem.evaluate(genes[:1], with_grad=True)
+peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+before = peak()
+problem.evaluate(genes, with_grad=True)
+problem.residuals(genes)
+print(peak() - before)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(done.stdout) < 400.0
 
 
 @pytest.mark.few(5)

@@ -23,7 +23,7 @@ from hopdiff.kernels.pieces import Told
 from hopdiff.motion import Motion
 from hopdiff.numerics import gradient_of_each
 from hopdiff.objective import Term, with_brought
-from hopdiff.search.base import Eval
+from hopdiff.search.base import Eval, joined
 from hopdiff.search.gradient import Gradient
 from hopdiff.search.loop import Budget, run_search
 from hopdiff.types import HopdiffError, Status, check_asked
@@ -204,18 +204,18 @@ class BodyProblem:
 
     def evaluate(self, genes: Tensor, with_grad: bool) -> Eval:
         """Price candidates (P, G) of the unit box; `with_grad` adds the gradient of the merit."""
-        return _joined([self._evaluated(part, with_grad) for part in genes.detach().split(CHUNK)])
+        return joined([self._evaluated(part, with_grad) for part in genes.detach().split(CHUNK)])
 
     def residuals(self, genes: Tensor) -> Eval:
         """The same without gradient, but with residuals: of the terms one after the other, and of the penalty."""
-        return _joined([self._with_residuals(part, None) for part in genes.detach().split(CHUNK)])
+        return joined([self._with_residuals(part, None) for part in genes.detach().split(CHUNK)])
 
     def residuals_about(self, genes: Tensor, group: int) -> Eval:
         """The same of candidates in groups: one, and `group` - 1 so close to it that they tell how it changes."""
         size = max(CHUNK // group, 1) * group
         with torch.no_grad():
             parts = genes.detach().split(size)
-            return _joined([self._with_residuals(part, self._beside(part, group)) for part in parts])
+            return joined([self._with_residuals(part, self._beside(part, group)) for part in parts])
 
     def _evaluated(self, genes: Tensor, with_grad: bool) -> Eval:
         if with_grad:
@@ -256,23 +256,6 @@ def _told(bill: Bill, computable: Tensor, gradient: Tensor | None = None) -> Eva
     merit = torch.where(computable, bill.merit.detach(), torch.inf)
     cost = torch.where(bill.status == int(Status.OK), merit, torch.inf)
     return Eval(cost, gradient, merit, {name: value.detach() for name, value in bill.terms.items()}, bill.status)
-
-
-def _joined(parts: list[Eval]) -> Eval:
-    """The evaluations of all parts of a population, one after the other."""
-    if len(parts) == 1:
-        return parts[0]
-    terms = {name: torch.cat([part.terms[name] for part in parts]) for name in parts[0].terms}
-    cost, merit, status = (torch.cat([getattr(p, n) for p in parts]) for n in ("cost", "merit", "status"))
-    grads, residuals = ([x for p in parts if (x := getattr(p, n)) is not None] for n in ("grad", "residuals"))
-    return Eval(
-        cost,
-        torch.cat(grads) if grads else None,
-        merit,
-        terms,
-        status,
-        torch.cat(residuals) if residuals else None,
-    )
 
 
 def _check(settings: EffortSettings) -> None:

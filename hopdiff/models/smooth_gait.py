@@ -9,21 +9,22 @@ import torch
 from torch import Tensor
 
 from hopdiff.character import Character
-from hopdiff.models.body import hip_joint, mirror, upper_channels
+from hopdiff.models.body import Answer, by_name, hip_joint, mirror
 from hopdiff.models.gait import Pose
 from hopdiff.models.steps import Steps
 from hopdiff.numerics import chebyshev_interpolate
 from hopdiff.physics.balance import support_path, support_side
-from hopdiff.physics.legs import LegPose, Swing, knee_offset, leg_pose
+from hopdiff.physics.leg_motion import knee_offset_slopes
+from hopdiff.physics.legs import LegMotion, LegPose, Swing, knee_offset, leg_pose
 
 
-def stance_pose(
-    character: Character, steps: Steps, x: Tensor, height: Tensor, pelvis: dict[str, Tensor]
-) -> tuple[LegPose, Tensor]:
-    """Pose and reach of the leg that carries, at stance phases x (B, M) for HIP heights (B, M)."""
+def standing_foot(
+    character: Character, steps: Steps, ahead: Tensor, height: Tensor, pelvis: dict[str, Tensor]
+) -> tuple[Tensor, Tensor, Tensor]:
+    """The foot that carries from its hip joint (B, M), to the left, up and forward, for places of HIP (B, M) ahead of
+    and above the foot [m]."""
     hip = hip_joint(character, pelvis, "left")
-    foot = (0.5 * steps.genes["step_width"].unsqueeze(-1), -height, -steps.cycle.stance_forward(x))
-    return leg_pose(foot[0] - hip[0], foot[1] - hip[1], foot[2] - hip[2], character.thigh, character.shank)
+    return 0.5 * steps.genes["step_width"].unsqueeze(-1) - hip[0], -height - hip[1], -ahead - hip[2]
 
 
 def pelvis_channels(steps: Steps, time: Tensor) -> dict[str, Tensor]:
@@ -31,30 +32,41 @@ def pelvis_channels(steps: Steps, time: Tensor) -> dict[str, Tensor]:
     genes, phase = steps.genes, steps.phase(time)
     swing, drop = torch.cos(phase), torch.cos(phase - steps.mid_stance_phase())
     return {
-        "pelvis_tilt": genes["pelvis_tilt"].unsqueeze(-1).expand_as(phase),
         "pelvis_roll": genes["pelvis_roll"].unsqueeze(-1) * drop,
         "pelvis_yaw": -genes["pelvis_yaw"].unsqueeze(-1) * swing,
         "trunk_yaw": genes["trunk_yaw"].unsqueeze(-1) * swing,
     }
 
 
-def leg_channels(character: Character, left: LegPose, right: LegPose) -> dict[str, Tensor]:
-    """Leg channels; the right pose comes from curves of a left leg and is mirrored here."""
-    channels = {}
-    for side, pose, sign in (("left", left, 1.0), ("right", right, -1.0)):
-        offset = knee_offset(pose.knee, character.thigh, character.shank)
-        channels[f"{side}_thigh"] = pose.angle + offset
-        channels[f"{side}_knee"] = pose.knee
-        channels[f"{side}_tilt"] = sign * pose.tilt
-    return channels
+def lower_angles(character: Character, left: LegPose, right: LegPose, pelvis: dict[str, Tensor]) -> Tensor:
+    """(8, B, M) in the order of `body.LOWER`; the right pose comes from curves of a left leg and is mirrored here."""
+    angle, knee = (torch.stack(pair) for pair in ((left.angle, right.angle), (left.knee, right.knee)))
+    thigh = angle + knee_offset(knee, character.thigh, character.shank)
+    rest = torch.stack((left.tilt, -right.tilt, pelvis["pelvis_roll"], pelvis["pelvis_yaw"]))
+    return torch.cat((thigh, knee, rest))
+
+
+def leg_rates(character: Character, left: LegMotion, right: LegMotion) -> tuple[Tensor, Tensor]:
+    """Rates and accelerations (4, B, M) of both thighs and both knees, see `lower_angles`."""
+    knee, pace, bend = (torch.stack((a.knee, b.knee)) for a, b in zip(left, right, strict=True))
+    slope, curve = knee_offset_slopes(knee, character.thigh, character.shank)
+    thigh_pace = torch.stack((left.rate.angle, right.rate.angle)) + slope * pace
+    thigh_bend = torch.stack((left.acceleration.angle, right.acceleration.angle)) + slope * bend + curve * pace**2
+    return torch.cat((thigh_pace, pace)), torch.cat((thigh_bend, bend))
+
+
+def join_phases(stance: LegMotion, flight: LegMotion) -> LegMotion:
+    """A leg on moments of the stance (B, M) and of the flight (B, L) after it, one after the other."""
+    pairs = zip(stance, flight, strict=True)
+    return LegMotion(*(LegPose(*(torch.cat(pair, dim=-1) for pair in zip(*both, strict=True))) for both in pairs))
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothGait:
     """A solved periodic run of P candidates. Implements `hopdiff.models.gait.Gait`.
 
-    swing: of the leg that carries in each step. reach: of the stance leg (B,), see Trajectory. sway, side_sway:
-    (B, 2, N) on the nodes of stance and flight [m s].
+    swing: of the leg that carries in each step. reach: of the stance leg (B,), see Trajectory. sway: (B, 2, 2, N)
+    forward and to the left, on the nodes of stance and flight [m s].
     """
 
     character: Character
@@ -62,7 +74,6 @@ class SmoothGait:
     swing: Swing
     reach: Tensor
     sway: Tensor
-    side_sway: Tensor
 
     @cached_property
     def other_swing(self) -> Swing:
@@ -118,32 +129,37 @@ class SmoothGait:
 
         x = (time / contact).clamp(max=1.0)
         height, ahead = cycle.stance_height(x), cycle.stance_forward(x)
-        pose, _ = stance_pose(self.character, steps, x, height, pelvis_channels(steps, x * contact))
+        foot = standing_foot(self.character, steps, ahead, height, pelvis_channels(steps, x * contact))
+        pose, _ = leg_pose(*foot, self.character.thigh, self.character.shank)
         stance = [
-            *(legs := leg_channels(self.character, pose, self.other_swing.swing(x))).values(),
+            *pose,
+            *self.other_swing.swing(x).pose,
             height,
             reach + ahead,
-            *(chebyshev_interpolate(sway[:, 0], x) for sway in (self.sway, self.side_sway)),
+            *(chebyshev_interpolate(axis[:, 0], x) for axis in self.sway.unbind(1)),
             support_side("stance", x, width),
             -ahead,
             cycle.leg_force_bw(ahead, height),
         ]
         x = ((time - contact) / flight).clamp(min=0.0, max=1.0)
         air = [
-            *leg_channels(self.character, self.swing.first_flight(x), self.other_swing.last_flight(x)).values(),
+            *self.swing.first_flight(x).pose,
+            *self.other_swing.last_flight(x).pose,
             cycle.flight_height(x),
             2.0 * reach + cycle.speed.unsqueeze(-1) * flight * x,
-            *(chebyshev_interpolate(sway[:, 1], x) for sway in (self.sway, self.side_sway)),
+            *(chebyshev_interpolate(axis[:, 1], x) for axis in self.sway.unbind(1)),
             support_side("flight", x, width),
             support_path(x, cycle.reach, steps.other(cycle.reach)),
             torch.zeros_like(x),
         ]
         in_flight = time >= contact
-        *leg_values, height, travel, sway, side_sway, side, forward, force = (
+        *legs, height, travel, sway, side_sway, side, forward, force = (
             torch.where(in_flight, b, a) for a, b in zip(stance, air, strict=True)
         )
-        upper = upper_channels(genes, steps.phase(time), sway, side_sway, steps.speed)
-        channels = {**pelvis_channels(steps, time), **upper, **dict(zip(legs, leg_values, strict=True))}
+        pelvis = pelvis_channels(steps, time)
+        lower = lower_angles(self.character, LegPose(*legs[:3]), LegPose(*legs[3:]), pelvis)
+        answer = Answer.of(genes, steps.phase(time), pelvis["trunk_yaw"], steps.speed)
+        channels = by_name(lower, answer.angles(torch.stack((sway, side_sway), dim=1)), genes)
         return Pose(
             channels, height, travel, torch.stack((side, forward + genes["com_lead"].unsqueeze(-1)), dim=-1), force
         )

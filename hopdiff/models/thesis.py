@@ -15,11 +15,11 @@ from torch import Tensor
 
 from hopdiff.character import Character
 from hopdiff.models.active_leg import ActiveLeg, knee_in_flight, standing_knee_rate
-from hopdiff.models.body import foot_height, lower_centre, sway_sensitivity, upper_centre, upper_channels
+from hopdiff.models.body import LOWER, Answer, by_name, foot_height, lower_centre, sway_sensitivity, upper_centre
 from hopdiff.models.limp import LimpSettings
 from hopdiff.models.steps import Steps
 from hopdiff.models.thesis_gait import Frames, ThesisGait, along, last_stride, lay_out
-from hopdiff.models.trajectory import JOINT_CHANNELS, LEG_CHANNELS, Trajectory, join_steps
+from hopdiff.models.trajectory import LEG_CHANNELS, Trajectory, join_steps
 from hopdiff.numerics import GRAVITY
 from hopdiff.physics.legs import LegPose, knee_offset, leg_pose
 from hopdiff.physics.stepping import Hops, flight_blend, step_balance, step_hopper
@@ -137,49 +137,37 @@ class ThesisModel:
         return standing_knee_rate(self.character, takeoff, place, (pace, rise))
 
     def _balance(
-        self,
-        genes: dict[str, Tensor],
-        speed: Tensor,
-        base: dict[str, Tensor],
-        stride_phase: Tensor,
-        target: tuple[Tensor, Tensor],
-    ) -> tuple[dict[str, Tensor], Tensor, Tensor]:
-        """Upper-body channels, errors (P, F, 2) and centre of mass height above HIP, frame by frame from rest."""
-        low = lower_centre(self.character, base)
-        still = torch.zeros_like(speed)
-        sway = [(still, still, still), (still, still, still)]
+        self, genes: dict[str, Tensor], speed: Tensor, lower: Tensor, answer: Answer, target: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Upper-body angles (11, P, F), errors (P, F, 2) and centre of mass height above HIP, by frames from rest.
+
+        lower: (8, P, F). target: (P, 2, F) forward and to the left of HIP [m]; so are errors.
+        """
+        left, up, forward = lower_centre(self.character, lower, genes["pelvis_tilt"])
+        low = torch.stack((forward, left), dim=1)
+        still = torch.zeros_like(target[:, :, 0])
+        sway = (still, still, still)
         columns, errors, heights = [], [], []
-        for frame in range(stride_phase.shape[-1]):
-            here = slice(frame, frame + 1)
-            forward, side = (state[0].unsqueeze(-1) * speed.unsqueeze(-1) for state in sway)
-            upper = upper_channels(genes, stride_phase[:, here], forward, side, speed)
-            high = upper_centre(self.character, {**upper, "trunk_yaw": base["trunk_yaw"][:, here]})
-            error = torch.stack(
-                (
-                    target[0][:, frame] - (low[0][:, frame] + high[0][:, 0]),
-                    target[1][:, frame] - (low[2][:, frame] + high[2][:, 0]),
-                ),
-                dim=-1,
-            )
+        for frame in range(lower.shape[-1]):
+            here = answer._replace(base=answer.base[:, :, frame : frame + 1])
+            upper = here.angles((sway[0] * speed.unsqueeze(-1)).unsqueeze(-1))
+            high = upper_centre(self.character, upper, genes["arm_inward"])
+            error = target[:, :, frame] - low[:, :, frame] - torch.cat((high[2], high[0]), dim=-1)
             columns.append(upper)
             errors.append(error)
-            heights.append(low[1][:, frame] + high[1][:, 0])
-            sway = [
-                (step_balance(state, error[:, axis], self.step, speed), state[0], state[1])
-                for state, axis in zip(sway, (1, 0), strict=True)
-            ]
-        channels = {name: torch.cat([column[name] for column in columns], dim=-1) for name in columns[0]}
-        return channels, torch.stack(errors, dim=1), torch.stack(heights, dim=1)
+            heights.append(up[:, frame] + high[1][:, 0])
+            sway = (step_balance(sway, error, self.step, speed.unsqueeze(-1)), sway[0], sway[1])
+        return torch.cat(columns, dim=-1), torch.stack(errors, dim=1), torch.stack(heights, dim=1)
 
     def trajectory(self, genes: dict[str, Tensor], speed: Tensor) -> Trajectory:
         """One step, or both of a limp, on frames; joint accelerations do not reach across take-off, gamma does."""
         f = self.frames(genes, speed)
         genes, speed, cycle = f.steps.genes, f.steps.speed, f.steps.cycle
-        upper, error, com_height = self._balance(
-            genes, speed, f.base, f.stride_phase, (f.target_side, f.target_forward)
-        )
-        channels = {**f.base, **upper}
-        angles = torch.stack([channels[name] for name, _, _ in JOINT_CHANNELS], dim=-1)
+        lower = torch.stack([f.base[name] for name in LOWER])
+        answer = Answer.of(genes, f.stride_phase, f.base["trunk_yaw"], speed)
+        target = torch.stack((f.target_forward, f.target_side), dim=1)
+        upper, error, com_height = self._balance(genes, speed, lower, answer, target)
+        angles = torch.cat((lower, upper)).permute(1, 2, 0)
         rates = torch.diff(angles, dim=1) / self.step
         inner = torch.diff(rates, dim=1) / self.step
         accelerations = torch.cat((inner[:, :1], inner, inner[:, -1:]), dim=1)
@@ -206,28 +194,28 @@ class ThesisModel:
         complete = (
             cycle.converged & (f.hops.hop[:, -1] > 0) & (f.stance_frames > 3) & (f.step_frames > f.stance_frames + 2)
         )
-        forward_gain, side_gain = sway_sensitivity(self.character, genes)
+        stiffness = sway_sensitivity(self.character, answer.gains)
         found = Trajectory(
             weights=used.to(speed) * self.step,
             angles=angles,
             accelerations=accelerations,
             rates_before=before,
             rates_after=after,
-            balance_error=error,
+            balance_error=error.flip(-1),
             com_height=f.hops.height + com_height,
-            foot_height=torch.stack(
-                [foot_height(self.character, f.base, f.hops.height, side) for side in ("left", "right")], dim=-1
-            ).masked_fill(~used.unsqueeze(-1), 0.0),
+            foot_height=foot_height(self.character, lower, f.hops.height)
+            .permute(1, 2, 0)
+            .masked_fill(~used.unsqueeze(-1), 0.0),
             leg_force=torch.where(f.hops.in_flight, torch.zeros_like(force), force),
             reach=f.reach,
             pelvis_tilt=genes["pelvis_tilt"],
             contact_time=f.stance_frames.to(speed) * self.step,
             flight_time=(f.step_frames - f.stance_frames).to(speed) * self.step,
             speed=speed,
-            sway_stiffness=forward_gain / speed,
+            sway_stiffness=stiffness[0],
             solved=complete,
         )
-        return found if f.steps.count == 1 else join_steps(found, side_gain / speed)
+        return found if f.steps.count == 1 else join_steps(found, stiffness[1])
 
     def gait(self, genes: dict[str, Tensor], speed: Tensor) -> ThesisGait:
         """The stride after `strides` strides in which the balance settles, over and over.
@@ -239,8 +227,9 @@ class ThesisModel:
         # The frame at which the next stride begins is wanted too.
         course = lay_out(f.steps, f.step_frames, 2 * (self.strides + 1) + 1)
         values = along(course, f, self.step)
-        base = {name: values[name] for name in f.base}
         own = {name: value[: len(speed)] for name, value in f.steps.genes.items()}
-        target = (values["target_side"], values["target_forward"])
-        upper, _, _ = self._balance(own, speed, base, values["stride_phase"], target)
-        return last_stride(self.character, {**values, **upper}, f, self.strides, self.step)
+        lower = torch.stack([values[name] for name in LOWER])
+        answer = Answer.of(own, values["stride_phase"], values["trunk_yaw"], speed)
+        target = torch.stack((values["target_forward"], values["target_side"]), dim=1)
+        upper, _, _ = self._balance(own, speed, lower, answer, target)
+        return last_stride(self.character, {**values, **by_name(lower, upper, own)}, f, self.strides, self.step)

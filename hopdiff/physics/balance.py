@@ -31,28 +31,31 @@ def support_side(kind: str, phase: Tensor, half_width: Tensor) -> Tensor:
     return side.expand_as(phase) if kind == "stance" else side * (1.0 - 2.0 * phase)
 
 
-def periodic_sway(forcing: Tensor, stiffness: Tensor, durations: Tensor, sign: float, steps: int = 1) -> Tensor:
+def periodic_sway(
+    forcing: Tensor, stiffness: Tensor, durations: Tensor, sign: float | Tensor, steps: int = 1
+) -> Tensor:
     """Periodic solution of dU/dt + k U = r over `steps` steps, each seen as a left one.
 
-    forcing: r (S P, 2, N) on the Chebyshev nodes of stance and flight, the first step of all P candidates first.
-    stiffness: k (S P,), positive [1/s]. durations: (S P, 2) [s]. sign: +1 if U is handed over from step to step as
-    it is (fore-aft), -1 if with the other sign (sideways, since every other step is seen in the mirror).
-    Returns U (S P, 2, N).
+    forcing: r (S P, ..., 2, N) on the Chebyshev nodes of stance and flight, the first step of all P candidates first.
+    stiffness: k (S P, ...), positive [1/s]. durations: (S P, 2) [s]. sign: (...) +1 if U is handed over from step to
+    step as it is (fore-aft), -1 if with the other sign (sideways, since every other step is seen in the mirror).
+    Returns U (S P, ..., 2, N).
     """
     n = forcing.shape[-1]
     nodes = chebyshev_nodes(n, forcing.dtype, forcing.device)
     integral = integration_matrix(n, forcing.dtype, forcing.device)
-    starts = torch.cat((torch.zeros_like(durations[:, :1]), durations[:, :1]), dim=-1)
-    times = starts.unsqueeze(-1) + durations.unsqueeze(-1) * nodes
-    growth = torch.exp(stiffness[:, None, None] * times)
-    area = (growth * forcing) @ integral.T * durations.unsqueeze(-1)
-    area = torch.stack((area[:, 0], area[:, 0, -1:] + area[:, 1]), dim=1)
+    spans = durations.view(len(durations), *(1 for _ in stiffness.shape[1:]), 2, 1)
+    contact, air = spans.unbind(-2)
+    times = torch.stack((contact * nodes, contact + air * nodes), dim=-2)
+    growth = torch.exp(stiffness[..., None, None] * times)
+    stance, flight = ((growth * forcing) @ integral.T * spans).unbind(-2)
+    area = torch.stack((stance, stance[..., -1:] + flight), dim=-2)
     # A step takes U to sign (area + U) / growth; what all steps together leave unchanged is the start.
-    areas, growths = area[:, 1, -1].chunk(steps), growth[:, 1, -1].chunk(steps)
+    areas, growths = area[..., 1, -1].chunk(steps), growth[..., 1, -1].chunk(steps)
     offset, factor = torch.zeros_like(areas[0]), torch.ones_like(areas[0])
     for step_area, step_growth in zip(areas, growths, strict=True):
         offset, factor = sign * (step_area + offset) / step_growth, sign * factor / step_growth
     begin = [offset / (1.0 - factor)]
     for step_area, step_growth in zip(areas[:-1], growths[:-1], strict=True):
         begin.append(sign * (step_area + begin[-1]) / step_growth)
-    return (torch.cat(begin)[:, None, None] + area) / growth
+    return (torch.cat(begin)[..., None, None] + area) / growth

@@ -7,15 +7,18 @@ ground, forward distances z are relative to the planted foot. All quantities are
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from hopdiff.numerics import (
     GRAVITY,
     chebyshev_interpolate,
     chebyshev_nodes,
+    constant,
     differentiation_matrix,
     mirrored_half,
     safe_sqrt,
@@ -23,7 +26,7 @@ from hopdiff.numerics import (
 )
 
 STANCE_NODES = 12  # on half a stance; 12 nodes leave an error below 1e-9 of the leg length in the gene box
-NEWTON_STEPS = {True: 6, False: 12}  # with the flight time given, and with the stiffness given, which is harder
+NEWTON_STEPS = {True: 5, False: 12}  # with the flight time given, and with the stiffness given, which is harder
 
 
 class Cycle(NamedTuple):
@@ -139,57 +142,29 @@ def solve_cycle(
 
     nodes = chebyshev_nodes(STANCE_NODES, torch.float64, length.device)
     first = differentiation_matrix(STANCE_NODES, torch.float64, length.device)
-    second = second_differentiation_matrix(STANCE_NODES, torch.float64, length.device)
     forward = -torch.sin(angle).unsqueeze(-1) * (1.0 - 2.0 * surging(0.5 * nodes, surge.unsqueeze(-1)))
-
-    def residual(height: Tensor, push: Tensor) -> Tensor:
-        """Rows: touchdown height, equation of motion at the inner nodes, mid-stance rate, the known quantity."""
-        stretch = 1.0 / safe_sqrt(forward**2 + height**2) - 1.0
-        motion = height @ second.T + gravity.unsqueeze(-1) - push.unsqueeze(-1) * stretch * height
-        start = height[:, 0] - torch.cos(angle)
-        middle = height @ first[-1]
-        excess = (height @ first[0] if by_rate else push) - known
-        return torch.cat((start.unsqueeze(-1), motion[:, 1:-1], middle.unsqueeze(-1), excess.unsqueeze(-1)), dim=-1)
-
-    def jacobian(height: Tensor, push: Tensor) -> Tensor:
-        n = STANCE_NODES
-        square = forward**2 + height**2
-        inverse = 1.0 / safe_sqrt(square)
-        matrix = height.new_zeros(height.shape[0], n + 1, n + 1)
-        matrix[:, 0, 0] = 1.0
-        matrix[:, 1 : n - 1, :n] = second[1:-1]
-        slope = push.unsqueeze(-1) * (inverse - 1.0 - height**2 * inverse**3)
-        inner = torch.arange(1, n - 1, device=height.device)
-        matrix[:, inner, inner] -= slope[:, 1:-1]
-        matrix[:, 1 : n - 1, n] = -((inverse - 1.0) * height)[:, 1:-1]
-        matrix[:, n - 1, :n] = first[-1]
-        if by_rate:
-            matrix[:, n, :n] = first[0]
-        else:
-            matrix[:, n, n] = 1.0
-        return matrix
+    equations = _Equations.of(angle, gravity, forward, known, by_rate)
+    shares = constant((*(0.5,) * STANCE_NODES, 0.7), torch.float64, length.device)
 
     with torch.no_grad():
-        height, push = _first_guess(angle, gravity, forward, nodes, known, by_rate)
+        found = _first_guess(angle, gravity, forward, nodes, known, by_rate)
         for _ in range(NEWTON_STEPS[by_rate]):
-            step = _solve(jacobian(height, push), residual(height, push))
+            step = _solve(*equations.linearised(found))
             # A step that would throw HIP through the ground or turn the spring round is shortened.
-            limit = torch.minimum(
-                (0.5 * height / step[:, :-1].abs().clamp_min(1e-30)).amin(-1),
-                0.7 * push / step[:, -1].abs().clamp_min(1e-30),
-            ).clamp(max=1.0)
-            height = height - limit.unsqueeze(-1) * step[:, :-1]
-            push = push - limit * step[:, -1]
-        error = residual(height, push).abs().amax(-1)
-        rate = height @ first[0]
-        converged = (error < 1e-8) & (height.amin(-1) > 0.05) & (push > 0) & (rate < 0) & torch.isfinite(error)
-        height = torch.where(converged.unsqueeze(-1), height, torch.cos(angle).unsqueeze(-1).expand_as(height))
-        push = torch.where(converged, push, torch.ones_like(push))
-        matrix = jacobian(height, push)
+            limit = (shares * found / step.abs().clamp_min(1e-30)).amin(-1, keepdim=True).clamp(max=1.0)
+            found = found - limit * step
+        error = equations.residual(found).abs().amax(-1)
+        rate = found[:, :-1] @ first[0]
+        sound = (found[:, :-1].amin(-1) > 0.05) & (found[:, -1] > 0) & (rate < 0)
+        converged = (error < 1e-8) & sound & torch.isfinite(error)
+        upright = torch.cat(
+            (torch.cos(angle).unsqueeze(-1).expand(-1, STANCE_NODES), torch.ones_like(found[:, :1])), -1
+        )
+        found = torch.where(converged.unsqueeze(-1), found, upright)
+        matrix, _ = equations.linearised(found)
     # Where nothing converged there is no gradient to carry.
-    correction = _solve(matrix, residual(height, push)) * converged.unsqueeze(-1)
-    height = height - correction[:, :-1]
-    push = push - correction[:, -1]
+    found = found - _solve(matrix, equations.residual(found)) * converged.unsqueeze(-1)
+    height, push = found[:, :-1], found[:, -1]
 
     rate = (height @ first[0]) * length / half_time
     flight = given if by_rate else -2.0 * rate / GRAVITY
@@ -207,6 +182,65 @@ def solve_cycle(
     )
 
 
+class _Equations(NamedTuple):
+    """What half a stance has to obey, in lengths of l and times of half the contact time.
+
+    Unknowns (P, n + 1): heights on the nodes, and the push of the spring. Rows: touchdown height, equation of motion at
+    the inner nodes, mid-stance rate, the quantity that is given.
+    linear: (n + 1, n + 1) part of the rows that is the same for all. right: (P, n + 1) what they come to.
+    forward_square: (P, n) of the way of HIP from the foot.
+    """
+
+    linear: Tensor
+    right: Tensor
+    forward_square: Tensor
+
+    @classmethod
+    def of(cls, angle: Tensor, gravity: Tensor, forward: Tensor, known: Tensor, by_rate: bool) -> _Equations:
+        inner = gravity.unsqueeze(-1).expand(-1, STANCE_NODES - 2)
+        ends = (torch.cos(angle), torch.zeros_like(known), known)
+        touchdown, middle, excess = (end.unsqueeze(-1) for end in ends)
+        right = torch.cat((touchdown, -inner, middle, excess), dim=-1)
+        return cls(_linear_rows(STANCE_NODES, by_rate, angle.device), right, forward**2)
+
+    def residual(self, found: Tensor) -> Tensor:
+        """(P, n + 1)."""
+        height = found[:, :-1]
+        stretch = torch.rsqrt((self.forward_square + height**2).clamp_min(1e-12)) - 1.0
+        return self._rows(found, found[:, -1:] * stretch * height)
+
+    def _rows(self, found: Tensor, pull: Tensor) -> Tensor:
+        return found @ self.linear.T - self.right - functional.pad(pull[:, 1:-1], (1, 2))
+
+    def linearised(self, found: Tensor) -> tuple[Tensor, Tensor]:
+        """Slopes of the residual (P, n + 1, n + 1) by the unknowns, and the residual."""
+        n = STANCE_NODES
+        height, push = found[:, :-1], found[:, -1:]
+        square = height**2
+        inverse = torch.rsqrt((self.forward_square + square).clamp_min(1e-12))
+        lift = (inverse - 1.0) * height
+        matrix = self.linear.repeat(len(found), 1, 1)
+        matrix[:, 1 : n - 1, n] = -lift[:, 1:-1]
+        inner = matrix.diagonal(dim1=1, dim2=2)[:, 1 : n - 1]
+        inner -= (push * (inverse - 1.0 - square * inverse**3))[:, 1:-1]
+        return matrix, self._rows(found, push * lift)
+
+
+@lru_cache
+def _linear_rows(n: int, by_rate: bool, device: torch.device) -> Tensor:
+    """(n + 1, n + 1) rows of `_Equations` as far as they are linear and the same for all."""
+    first = differentiation_matrix(n, torch.float64, device)
+    rows = torch.zeros(n + 1, n + 1, dtype=torch.float64, device=device)
+    rows[0, 0] = 1.0
+    rows[1 : n - 1, :n] = second_differentiation_matrix(n, torch.float64, device)[1:-1]
+    rows[n - 1, :n] = first[-1]
+    if by_rate:
+        rows[n, :n] = first[0]
+    else:
+        rows[n, n] = 1.0
+    return rows
+
+
 def _solve(matrix: Tensor, right: Tensor) -> Tensor:
     """Batched linear solve that gives numbers that are not finite for a singular member, and raises nothing."""
     found: Tensor = torch.linalg.solve_ex(matrix, right.unsqueeze(-1))[0].squeeze(-1)
@@ -215,8 +249,8 @@ def _solve(matrix: Tensor, right: Tensor) -> Tensor:
 
 def _first_guess(
     angle: Tensor, gravity: Tensor, forward: Tensor, nodes: Tensor, known: Tensor, by_rate: bool
-) -> tuple[Tensor, Tensor]:
-    """A quarter sine of height that fits the touchdown rate, and the spring that carries the mean force."""
+) -> Tensor:
+    """(P, n + 1) a quarter sine of height that fits the touchdown rate, and the spring that carries the mean force."""
     if by_rate:
         rate = known
     else:
@@ -227,6 +261,7 @@ def _first_guess(
     depth = (-rate * 2.0 / torch.pi).clamp(max=0.6)
     height = torch.cos(angle).unsqueeze(-1) - depth.unsqueeze(-1) * torch.sin(0.5 * torch.pi * nodes)
     if not by_rate:
-        return height, known.clone()
+        return torch.cat((height, known.unsqueeze(-1)), dim=-1)
     pull = (1.0 / torch.sqrt(forward**2 + height**2) - 1.0) * height
-    return height, (gravity - rate) / pull.mean(-1).clamp_min(1e-3)
+    push = (gravity - rate) / pull.mean(-1).clamp_min(1e-3)
+    return torch.cat((height, push.unsqueeze(-1)), dim=-1)

@@ -17,17 +17,29 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from hopdiff.numerics import differentiation_matrix, hermite, safe_acos, safe_sqrt, smooth_max
+from hopdiff.numerics import hermite_motion, safe_acos, safe_sqrt, smooth_max
 
 FLIGHT_ROOM = 0.8  # share of the way to the straight knee that follow-through may use
 TRAIL_ROOM = 0.15  # rad, how far the leg may trail behind its take-off angle before it swings back
 STRAIGHTEST_KNEE = 0.06  # rad, the knee never comes closer to straight than this in the air
 
 
+Piece = tuple[Tensor, ...]  # a cubic: start, end, start_rate, end_rate and duration, columns (P, 1)
+Curve = tuple[Tensor, ...]  # values with first and second derivative by time, (P, M) each
+
+
 class LegPose(NamedTuple):
     angle: Tensor
     knee: Tensor
     tilt: Tensor
+
+
+class LegMotion(NamedTuple):
+    """A leg pose with its rates [rad/s] and accelerations [rad/s^2]."""
+
+    pose: LegPose
+    rate: LegPose
+    acceleration: LegPose
 
 
 class SwingGenes(NamedTuple):
@@ -69,13 +81,6 @@ def leg_reach(knee: Tensor, thigh: float, shank: float) -> Tensor:
     return safe_sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * torch.cos(knee))
 
 
-def end_rates(values: Tensor, duration: Tensor) -> tuple[Tensor, Tensor]:
-    """Rates at both ends of a phase from values (P, N) on its Chebyshev nodes; duration (P,) [s]."""
-    n = values.shape[-1]
-    d = differentiation_matrix(n, values.dtype, values.device)
-    return values @ d[0] / duration, values @ d[-1] / duration
-
-
 class Swing(NamedTuple):
     """The leg through the air, from its take-off to its next touchdown; every curve is analytic in time.
 
@@ -102,52 +107,100 @@ class Swing(NamedTuple):
     follow_power: Tensor
     reach_power: Tensor
 
-    def first_flight(self, x: Tensor) -> LegPose:
-        """Pose at shares x (P, M) of the flight after take-off."""
+    def first_flight(self, x: Tensor) -> LegMotion:
+        """At shares x (P, M) of the flight after take-off."""
         still = torch.zeros_like(self.flight)
-        angle = hermite(x, self.start.angle, self.angle_start, still, self.angle_start_rate, self.flight)
-        angle = angle + _transient(x, self.start_rate.angle, self.flight, self.trail_power)
-        knee = self._knee(0, x, self.flight)
-        knee = knee + _transient(x, self.start_rate.knee, self.flight, self.follow_power)
-        return LegPose(angle, knee, self._tilt(x * self.flight))
+        swung = (self.start.angle, self.angle_start, still, self.angle_start_rate, self.flight)
+        angle, knee, tilt = _curves(
+            (x, swung), (x, self._knee(0, self.flight)), (self._whole_share(x * self.flight), self._tilt())
+        )
+        leaving = torch.stack((self.start_rate.angle, self.start_rate.knee), dim=1)
+        powers = torch.stack((self.trail_power, self.follow_power), dim=1)
+        fading = _transient(x.unsqueeze(1), leaving, self.flight.unsqueeze(1), powers)
+        trail, follow = zip(*(part.unbind(1) for part in fading), strict=True)
+        return _motion(_plus(angle, trail), _plus(knee, follow), tilt)
 
-    def swing(self, x: Tensor) -> LegPose:
-        """Pose at shares x (P, M) of the other leg's stance."""
-        angle = hermite(x, self.angle_start, self.angle_end, self.angle_start_rate, self.angle_end_rate, self.contact)
-        half = 0.5 * self.contact
-        early = self._knee(1, (2.0 * x).clamp(max=1.0), half)
-        late = self._knee(2, (2.0 * x - 1.0).clamp(min=0.0), half)
-        return LegPose(angle, torch.where(x < 0.5, early, late), self._tilt(self.flight + x * self.contact))
+    def swing(self, x: Tensor) -> LegMotion:
+        """At shares x (P, M) of the other leg's stance."""
+        swung = (self.angle_start, self.angle_end, self.angle_start_rate, self.angle_end_rate, self.contact)
+        half, twice = 0.5 * self.contact, 2.0 * x
+        angle, early, late, tilt = _curves(
+            (x, swung),
+            (twice.clamp(max=1.0), self._knee(1, half)),
+            ((twice - 1.0).clamp(min=0.0), self._knee(2, half)),
+            (self._whole_share(self.flight + x * self.contact), self._tilt()),
+        )
+        first = x < 0.5
+        knee = tuple(torch.where(first, a, b) for a, b in zip(early, late, strict=True))
+        return _motion(angle, knee, tilt)
 
-    def last_flight(self, x: Tensor) -> LegPose:
-        """Pose at shares x (P, M) of the flight before touchdown."""
+    def last_flight(self, x: Tensor) -> LegMotion:
+        """At shares x (P, M) of the flight before touchdown."""
         # Equation (6) of Kang (1999): this cubic is the parabola in time whose extremum lies at alpha T.
-        angle = hermite(x, self.angle_end, self.end.angle, self.angle_end_rate, self.end_rate.angle, self.flight)
-        knee = self._knee(3, x, self.flight)
-        knee = knee + _transient(1.0 - x, -self.end_rate.knee, self.flight, self.reach_power)
-        return LegPose(angle, knee, self._tilt(self.flight + self.contact + x * self.flight))
+        swung = (self.angle_end, self.end.angle, self.angle_end_rate, self.end_rate.angle, self.flight)
+        tilt_share = self._whole_share(self.flight + self.contact + x * self.flight)
+        angle, knee, tilt = _curves((x, swung), (x, self._knee(3, self.flight)), (tilt_share, self._tilt()))
+        # Seen backwards in time, which turns rates round.
+        value, rate, bend = _transient(1.0 - x, -self.end_rate.knee, self.flight, self.reach_power)
+        return _motion(angle, _plus(knee, (value, -rate, bend)), tilt)
 
-    def _knee(self, i: int, x: Tensor, duration: Tensor) -> Tensor:
+    def _knee(self, i: int, duration: Tensor) -> Piece:
         """Piece i of the knee's spline."""
-        return hermite(x, self.knees[i], self.knees[i + 1], self.knee_rates[i], self.knee_rates[i + 1], duration)
+        return (*self.knees[i : i + 2], *self.knee_rates[i : i + 2], duration)
 
-    def _tilt(self, time: Tensor) -> Tensor:
+    def _tilt(self) -> Piece:
+        """One piece over the whole time in the air."""
         whole = 2.0 * self.flight + self.contact
-        return hermite(time / whole, self.start.tilt, self.end.tilt, self.start_rate.tilt, self.end_rate.tilt, whole)
+        return self.start.tilt, self.end.tilt, self.start_rate.tilt, self.end_rate.tilt, whole
+
+    def _whole_share(self, time: Tensor) -> Tensor:
+        return time / (2.0 * self.flight + self.contact)
 
 
-def _transient(x: Tensor, rate: Tensor, duration: Tensor, power: Tensor) -> Tensor:
-    """A curve that starts at zero with `rate`, swings out and fades: rate t (1 - x)^power, t = x duration."""
-    return rate * duration * x * (1.0 - x).clamp_min(1e-12) ** power
+def _motion(angle: Curve, knee: Curve, tilt: Curve) -> LegMotion:
+    return LegMotion(*(LegPose(*parts) for parts in zip(angle, knee, tilt, strict=True)))
 
 
-def _fade_power(rate: Tensor, duration: Tensor, room: Tensor) -> Tensor:
-    """Power of `_transient` for which it swings out by no more than `room`.
+def _plus(a: Curve, b: Curve) -> Curve:
+    return tuple(x + y for x, y in zip(a, b, strict=True))
 
-    Its extremum |rate| T m^m / (m + 1)^(m + 1) is close to |rate| T / (e (m + 1/2)).
+
+def _curves(*curves: tuple[Tensor, Piece]) -> list[Curve]:
+    """Cubics at shares (P, M) of each, all at once."""
+    shares, pieces = zip(*curves, strict=True)
+    columns = (torch.stack(column, dim=1) for column in zip(*pieces, strict=True))
+    found = hermite_motion(torch.stack(torch.broadcast_tensors(*shares), dim=1), *columns)
+    return list(zip(*(part.unbind(1) for part in found), strict=True))
+
+
+def _transient(x: Tensor, rate: Tensor, duration: Tensor, power: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """A curve that starts at zero with `rate`, swings out and fades, and its first and second derivative by time.
+
+    It is rate t (1 - x)^power with t = x duration and a power above 2.
     """
-    wanted = rate.abs() * duration / (torch.e * room) - 0.5
-    return smooth_max(wanted, 2.5, 0.5)
+    rest = (1.0 - x).clamp_min(1e-12)
+    fading = rest ** (power - 2.0)
+    once = fading * rest
+    value = rate * duration * x * once * rest
+    pace = rate * once * (rest - power * x)
+    bend = (rate * power / duration) * ((power - 1.0) * x * fading - 2.0 * once)
+    return value, pace, bend
+
+
+def _fade_powers(
+    flight: Tensor, start: LegPose, start_rate: LegPose, end: LegPose, end_rate: LegPose
+) -> tuple[Tensor, ...]:
+    """Powers of `_transient` for which leg angle and knee after take-off, and the knee before touchdown, keep to their
+    room.
+
+    The extremum |rate| T m^m / (m + 1)^(m + 1) is close to |rate| T / (e (m + 1/2)).
+    """
+    bends = torch.cat((start.knee, end.knee), dim=-1)
+    rooms = FLIGHT_ROOM * (bends - STRAIGHTEST_KNEE).clamp_min(0.02)
+    rooms = torch.cat((torch.full_like(flight, TRAIL_ROOM), rooms), dim=-1)
+    rates = torch.cat((start_rate.angle, start_rate.knee, end_rate.knee), dim=-1)
+    wanted = rates.abs() * flight / (torch.e * rooms) - 0.5
+    return tuple(smooth_max(wanted, 2.5, 0.5).unsqueeze(-1).unbind(1))
 
 
 def flight_alpha(reach: Tensor, end_rate: Tensor, duration: Tensor) -> Tensor:
@@ -207,18 +260,17 @@ def make_swing(
         angle_end_rate,
         knees,
         _spline_rates(knees, (flight, 0.5 * contact, 0.5 * contact, flight)),
-        _fade_power(start_rate.angle, flight, torch.full_like(flight, TRAIL_ROOM)),
-        _fade_power(start_rate.knee, flight, FLIGHT_ROOM * (start.knee - STRAIGHTEST_KNEE).clamp_min(0.02)),
-        _fade_power(end_rate.knee, flight, FLIGHT_ROOM * (end.knee - STRAIGHTEST_KNEE).clamp_min(0.02)),
+        *_fade_powers(flight, start, start_rate, end, end_rate),
     )
 
 
 def _spline_rates(values: tuple[Tensor, ...], spans: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
     """Rates at five knots of the cubic spline with zero end rates (three inner unknowns, solved by elimination)."""
-    slopes = [(b - a) / h for a, b, h in zip(values[:-1], values[1:], spans, strict=True)]
     h = spans
-    right = [3.0 * (h[i + 1] * slopes[i] + h[i] * slopes[i + 1]) for i in range(3)]
-    diagonal = [2.0 * (h[i] + h[i + 1]) for i in range(3)]
+    value, span = torch.cat(values, dim=-1), torch.cat(spans, dim=-1)
+    slope = value.diff(dim=-1) / span
+    right = list((3.0 * (span[:, 1:] * slope[:, :-1] + span[:, :-1] * slope[:, 1:])).split(1, dim=-1))
+    diagonal = list((2.0 * (span[:, :-1] + span[:, 1:])).split(1, dim=-1))
     # Row i: h[i+1] m_i + 2 (h[i] + h[i+1]) m_(i+1) + h[i] m_(i+2) = right[i]
     w1 = h[2] / diagonal[0]
     diagonal[1] = diagonal[1] - w1 * h[0]

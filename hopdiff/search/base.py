@@ -6,6 +6,7 @@ Every search is driven by the same loop (`hopdiff.search.loop`), under the same 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import torch
@@ -33,6 +34,25 @@ class Eval(NamedTuple):
     terms: dict[str, Tensor]
     status: Tensor
     residuals: Tensor | None = None
+
+
+def joined(parts: Sequence[Eval]) -> Eval:
+    """The evaluations of all parts of a population, one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+
+    def row(values: list[Tensor | None]) -> Tensor | None:
+        known = [value for value in values if value is not None]
+        return torch.cat(known) if known else None
+
+    return Eval(
+        cost=torch.cat([part.cost for part in parts]),
+        grad=row([part.grad for part in parts]),
+        merit=torch.cat([part.merit for part in parts]),
+        terms={name: torch.cat([part.terms[name] for part in parts]) for name in parts[0].terms},
+        status=torch.cat([part.status for part in parts]),
+        residuals=row([part.residuals for part in parts]),
+    )
 
 
 class Asked(NamedTuple):

@@ -9,13 +9,16 @@ import torch
 from torch import Tensor
 
 from hopdiff.models.body import (
+    LOWER,
+    UPPER,
+    Answer,
+    by_name,
     foot_height,
     hip_joint,
     lower_centre,
     mirror,
     sway_sensitivity,
     upper_centre,
-    upper_channels,
 )
 from hopdiff.models.trajectory import JOINT_CHANNELS
 from tests.builders import make_character
@@ -42,6 +45,11 @@ def random_channels(frames: int = 40, seed: int = 0) -> dict[str, Tensor]:
     return dict(zip(NAMES, 2.0 * values - 1.0, strict=True))
 
 
+def rows(channels: dict[str, Tensor], names: tuple[str, ...]) -> Tensor:
+    """(C, 1, T)."""
+    return torch.stack([channels[name] for name in names])
+
+
 def full_body(name: str, channels: dict[str, Tensor], height: Tensor) -> tuple[Tensor, Tensor, dict[str, Tensor]]:
     """Joint positions, orientations and ends (1, T, ...) with HIP at a height (1, T)."""
     body = make_character(name)
@@ -53,8 +61,12 @@ def full_body(name: str, channels: dict[str, Tensor], height: Tensor) -> tuple[T
 @pytest.mark.parametrize("name", BODIES)
 def test_centre_of_mass(name: str) -> None:
     body, channels = make_character(name), random_channels()
+    # What has one gene does not change: the tilt of the pelvis, and how far both arms turn inwards.
+    tilt, inward = torch.tensor([0.2]).double(), torch.tensor([-0.3]).double()
+    for still, value in (("pelvis_tilt", tilt), ("left_inward", inward), ("right_inward", inward)):
+        channels[still] = value.expand(1, 40)
     positions, orientations, _ = full_body(name, channels, torch.zeros(1, 40).double())
-    low, high = lower_centre(body, channels), upper_centre(body, channels)
+    low, high = lower_centre(body, rows(channels, LOWER), tilt), upper_centre(body, rows(channels, UPPER), inward)
     found = torch.stack([a + b for a, b in zip(low, high, strict=True)], dim=-1)
     torch.testing.assert_close(found, body.centre_of_mass(positions, orientations), atol=1e-12, rtol=0.0)
 
@@ -64,8 +76,8 @@ def test_feet_and_hips(name: str) -> None:
     body, channels = make_character(name), random_channels(seed=1)
     height = torch.linspace(0.5, 1.0, 40, dtype=torch.float64).unsqueeze(0)
     positions, _, ends = full_body(name, channels, height)
-    for side in ("left", "right"):
-        found = foot_height(body, channels, height, side)
+    feet = foot_height(body, rows(channels, LOWER), height)
+    for side, found in zip(("left", "right"), feet.unbind(0), strict=True):
         torch.testing.assert_close(found, ends[f"{side}_knee"][..., 1], atol=1e-12, rtol=0.0)
         hip = torch.stack(hip_joint(body, channels, side), dim=-1)
         wanted = positions[..., body.skeleton.index(f"{side}_hip"), :] - positions[..., 0, :]
@@ -100,10 +112,18 @@ def genes(**given: float) -> dict[str, Tensor]:
     return {name: torch.tensor([given.get(name, 0.0)], dtype=torch.float64) for name in names}
 
 
-def upper(g: dict[str, Tensor], sway: float = 0.0, side: float = 0.0) -> dict[str, Tensor]:
+SPEED = torch.tensor([5.0], dtype=torch.float64)
+
+
+def answer(g: dict[str, Tensor]) -> Answer:
+    """At nine moments of a stride, without any turning of the trunk."""
     phase = torch.linspace(0.0, 2.0 * math.pi, 9, dtype=torch.float64).unsqueeze(0)
-    speed = torch.tensor([5.0], dtype=torch.float64)
-    return upper_channels(g, phase, torch.full_like(phase, sway), torch.full_like(phase, side), speed)
+    return Answer.of(g, phase, torch.zeros_like(phase), SPEED)
+
+
+def upper(g: dict[str, Tensor], sway: float = 0.0, side: float = 0.0) -> dict[str, Tensor]:
+    swayed = torch.tensor([sway, side], dtype=torch.float64)[None, :, None].expand(1, 2, 9)
+    return dict(zip(UPPER, answer(g).angles(swayed).unbind(0), strict=True))
 
 
 def test_arms_swing_against_the_legs_of_their_own_side() -> None:
@@ -145,16 +165,25 @@ def test_sensitivity_is_the_slope_of_the_centre_of_mass(eta: str) -> None:
     body, g, tiny = make_character(), genes(**{f"eta_{eta}": 3.0}), 1e-5
 
     def centre(sway: float, side: float) -> tuple[float, float]:
-        channels = {**upper(g, sway, side), "trunk_yaw": torch.zeros(1, 9).double()}
-        point = upper_centre(body, channels)
+        point = upper_centre(body, rows(upper(g, sway, side), UPPER), g["arm_inward"])
         return float(point[2][0, 0]), float(point[0][0, 0])  # type: ignore[index]
 
-    speed = 5.0
-    forward = speed * (centre(tiny, 0.0)[0] - centre(-tiny, 0.0)[0]) / (2.0 * tiny)
-    sideways = speed * (centre(0.0, tiny)[1] - centre(0.0, -tiny)[1]) / (2.0 * tiny)
-    wanted = sway_sensitivity(body, g)
-    assert forward == pytest.approx(float(wanted[0]), abs=1e-6)
-    assert sideways == pytest.approx(float(wanted[1]), abs=1e-6)
+    forward = (centre(tiny, 0.0)[0] - centre(-tiny, 0.0)[0]) / (2.0 * tiny)
+    sideways = (centre(0.0, tiny)[1] - centre(0.0, -tiny)[1]) / (2.0 * tiny)
+    wanted = sway_sensitivity(body, answer(g).gains)
+    assert (forward, sideways) == pytest.approx(wanted[:, 0].tolist(), abs=1e-6)
+    assert abs(forward) + abs(sideways) > 1e-3
+
+
+def test_rows_of_angles_and_what_never_changes_are_all_the_channels() -> None:
+    channels = random_channels(seed=3)
+    still = {"pelvis_tilt": torch.full((1,), 0.25), "arm_inward": torch.full((1,), -0.5)}
+    found = by_name(rows(channels, LOWER), rows(channels, UPPER), still)
+    assert set(found) == set(NAMES)
+    for name in (*LOWER, *UPPER):
+        assert torch.equal(found[name], channels[name])
+    assert found["pelvis_tilt"].tolist() == [[0.25] * 40]
+    assert found["left_inward"].tolist() == found["right_inward"].tolist() == [[-0.5] * 40]
 
 
 def test_channels_that_cost_energy_name_joints_of_the_body() -> None:

@@ -12,15 +12,16 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
-from hopdiff.numerics import chebyshev_nodes, smooth_max
+from hopdiff.numerics import smooth_max
+from hopdiff.physics.leg_motion import knee_offset_slopes, leg_motion
 from hopdiff.physics.legs import (
     FLIGHT_ROOM,
     STRAIGHTEST_KNEE,
     TRAIL_ROOM,
+    LegMotion,
     LegPose,
     Swing,
     SwingGenes,
-    end_rates,
     flight_alpha,
     knee_offset,
     leg_pose,
@@ -71,10 +72,10 @@ def swings(count: int = 50, haste: float = 1.0) -> Swing:
     )
 
 
-def at(curve: Callable[[Tensor], LegPose], x: float, duration: Tensor) -> tuple[Tensor, Tensor]:
+def at(curve: Callable[[Tensor], LegMotion], x: float, duration: Tensor) -> tuple[Tensor, Tensor]:
     """Pose (3, P) and its rate [rad/s] at a share x of a phase."""
     share = torch.full_like(duration, x).requires_grad_(True)
-    pose = curve(share)
+    pose = curve(share).pose
     rates = [torch.autograd.grad(value.sum(), share, retain_graph=True)[0] / duration for value in pose]
     return torch.stack([value.detach()[:, 0] for value in pose]), torch.stack([rate[:, 0] for rate in rates])
 
@@ -101,11 +102,55 @@ def test_a_foot_out_of_reach_straightens_the_knee_and_says_so() -> None:
     assert float(reach) > 1.0
 
 
-def test_end_rates_of_a_known_curve() -> None:
-    x = chebyshev_nodes(12, torch.float64, torch.device("cpu"))
-    first, last = end_rates(torch.sin(2.0 * x).unsqueeze(0), column(0.5))
-    assert float(first) == pytest.approx(4.0, abs=1e-8)
-    assert float(last) == pytest.approx(4.0 * math.cos(2.0), abs=1e-8)
+@given(st.floats(-0.2, 0.2), st.floats(-0.6, 0.6), st.floats(0.3, 0.6))
+def test_a_leg_moves_as_its_foot_asks(left: float, forward: float, down: float) -> None:
+    """Rates and accelerations against those of autograd, along a parabola of the foot."""
+    time = torch.zeros(1, dtype=torch.float64, requires_grad=True)
+    start, rate, bend = (
+        torch.tensor(row, dtype=torch.float64).unsqueeze(-1)
+        for row in ((left, -down, forward), (0.4, 0.7, -3.0), (2.0, -9.0, 5.0))
+    )
+    pose, _ = leg_pose(*(start + rate * time + 0.5 * bend * time**2).unbind(0), THIGH, SHANK)
+    found = leg_motion(start, rate, bend, THIGH, SHANK)
+    for value, known, first, second in zip(pose, *found, strict=True):
+        (once,) = torch.autograd.grad(value, time, create_graph=True)
+        (twice,) = torch.autograd.grad(once, time, retain_graph=True)
+        torch.testing.assert_close(known, value.detach())
+        torch.testing.assert_close(first, once.detach(), rtol=1e-8, atol=1e-9)
+        torch.testing.assert_close(second, twice.detach(), rtol=1e-7, atol=1e-7)
+
+
+def test_a_leg_that_is_set_straight_has_a_knee_that_stands_still() -> None:
+    foot = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
+    found = leg_motion(foot, torch.ones_like(foot), torch.ones_like(foot), THIGH, SHANK)
+    assert float(found.rate.knee) == 0.0
+    assert float(found.acceleration.knee) == 0.0
+
+
+def test_slopes_of_the_knee_offset() -> None:
+    knee = torch.linspace(0.1, 2.5, 9, dtype=torch.float64, requires_grad=True)
+    (once,) = torch.autograd.grad(knee_offset(knee, THIGH, SHANK).sum(), knee, create_graph=True)
+    (twice,) = torch.autograd.grad(once.sum(), knee)
+    slope, bend = knee_offset_slopes(knee.detach(), THIGH, SHANK)
+    torch.testing.assert_close(slope, once.detach())
+    torch.testing.assert_close(bend, twice)
+
+
+@pytest.mark.parametrize("x", [0.0, 0.2, 0.5, 0.7, 1.0])
+def test_the_air_tells_how_fast_it_goes_and_how_it_bends(x: float) -> None:
+    swing = swings()
+    for curve, duration in (
+        (swing.first_flight, swing.flight),
+        (swing.swing, swing.contact),
+        (swing.last_flight, swing.flight),
+    ):
+        share = torch.full_like(duration, x).requires_grad_(True)
+        pose, rate, acceleration = curve(share)
+        for value, first, second in zip(pose, rate, acceleration, strict=True):
+            (once,) = torch.autograd.grad(value.sum(), share, create_graph=True)
+            torch.testing.assert_close(first, once / duration, rtol=1e-9, atol=1e-9)
+            (twice,) = torch.autograd.grad(first.sum(), share, retain_graph=True)
+            torch.testing.assert_close(second, twice / duration, rtol=1e-7, atol=5e-4)
 
 
 def test_the_air_takes_over_from_stance_and_hands_back_to_it() -> None:
@@ -150,13 +195,13 @@ def test_the_knee_does_not_lock_where_the_leg_lets_go_of_the_ground() -> None:
     swing = swings(200)
     x = torch.linspace(0.0, 1.0, 400, dtype=torch.float64).expand(200, -1)
     for curve in (swing.first_flight, swing.last_flight):
-        assert float(curve(x).knee.min()) > (1.0 - FLIGHT_ROOM) * STRAIGHTEST_KNEE
+        assert float(curve(x).pose.knee.min()) > (1.0 - FLIGHT_ROOM) * STRAIGHTEST_KNEE
 
 
 def test_the_leg_swings_past_its_touchdown_angle_and_peaks_at_alpha() -> None:
     swing = swings()
     shares = torch.linspace(0.0, 1.0, 4001, dtype=torch.float64).expand(len(swing.flight), -1)
-    angle = swing.last_flight(shares).angle
+    angle = swing.last_flight(shares).pose.angle
     peak = shares[0, angle.argmax(-1)]
     torch.testing.assert_close(peak, swing.alpha[:, 0], atol=3e-4, rtol=0.0)
     # Equation (6): the way past the end, as a share of the way from start to end.
@@ -179,9 +224,9 @@ def test_what_the_stance_leaves_swings_out_no_farther_than_its_room(haste: float
     still = torch.zeros_like(swing.flight)
     x = torch.linspace(0.0, 1.0, 800, dtype=torch.float64).expand(60, -1)
     bare = swing._replace(start_rate=LegPose(still, still, still), end_rate=swing.end_rate._replace(knee=still))
-    trail = (swing.first_flight(x).angle - bare.first_flight(x).angle).abs().amax(-1)
-    follow = (swing.first_flight(x).knee - bare.first_flight(x).knee).abs().amax(-1)
-    reach = (swing.last_flight(x).knee - bare.last_flight(x).knee).abs().amax(-1)
+    trail = (swing.first_flight(x).pose.angle - bare.first_flight(x).pose.angle).abs().amax(-1)
+    follow = (swing.first_flight(x).pose.knee - bare.first_flight(x).pose.knee).abs().amax(-1)
+    reach = (swing.last_flight(x).pose.knee - bare.last_flight(x).pose.knee).abs().amax(-1)
     rooms = (
         torch.full_like(trail, TRAIL_ROOM),
         FLIGHT_ROOM * (swing.start.knee - STRAIGHTEST_KNEE)[:, 0],
@@ -214,7 +259,7 @@ def test_the_knee_runs_on_a_clamped_spline() -> None:
             (bare.last_flight, flight + contact, flight),
         ):
             wanted = torch.from_numpy(spline((start + x[p] * length).numpy()))
-            torch.testing.assert_close(curve(x).knee[p], wanted, rtol=0.0, atol=1e-6)
+            torch.testing.assert_close(curve(x).pose.knee[p], wanted, rtol=0.0, atol=1e-6)
 
 
 def test_the_leg_angle_keeps_its_curvature_when_the_other_foot_lands() -> None:
@@ -223,9 +268,9 @@ def test_the_leg_angle_keeps_its_curvature_when_the_other_foot_lands() -> None:
     still = torch.zeros_like(swing.flight)
     swing = swing._replace(start_rate=LegPose(still, still, still))
     near = torch.tensor([1.0 - 2.0 * e, 1.0 - e, 1.0], dtype=torch.float64).expand(len(swing.flight), -1)
-    before = swing.first_flight(near).angle.diff().diff()[:, 0] / (e * swing.flight[:, 0]) ** 2
+    before = swing.first_flight(near).pose.angle.diff().diff()[:, 0] / (e * swing.flight[:, 0]) ** 2
     far = torch.tensor([0.0, e, 2.0 * e], dtype=torch.float64).expand(len(swing.flight), -1)
-    after = swing.swing(far).angle.diff().diff()[:, 0] / (e * swing.contact[:, 0]) ** 2
+    after = swing.swing(far).pose.angle.diff().diff()[:, 0] / (e * swing.contact[:, 0]) ** 2
     assert float((after - before).abs().max()) < 0.005 * float(before.abs().max())
 
 
@@ -246,4 +291,4 @@ def test_the_leg_tilts_evenly_through_the_whole_swing() -> None:
             + s * (1.0 - s) ** 2 * ends[2]
             + s**2 * (s - 1.0) * ends[3]
         )
-        torch.testing.assert_close(curve(torch.full_like(s, x)).tilt, wanted)
+        torch.testing.assert_close(curve(torch.full_like(s, x)).pose.tilt, wanted)
