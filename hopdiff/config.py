@@ -22,6 +22,7 @@ from hopdiff.effort.settings import EffortSettings
 from hopdiff.export.settings import ExportSettings, RetargetSettings
 from hopdiff.genes import GeneSettings, GeneTable, senses
 from hopdiff.job import Job, threads
+from hopdiff.kernels.choose import CHOICES
 from hopdiff.messages import choose, near, one_line
 from hopdiff.models import MODELS, gene_table
 from hopdiff.models.limp import LimpSettings
@@ -200,6 +201,7 @@ def build_job(
     Raises HopdiffError, or an OmegaConfBaseException, that names the setting.
     """
     settings = settings or checked(config)
+    compiling = choose("compile", settings.compile.lower(), CHOICES)
     dtype = DTYPES[choose("dtype", settings.dtype, DTYPES)]
     device = build_device(settings.device, dtype)
     character = Character.build(settings.character, dtype, device)
@@ -214,9 +216,7 @@ def build_job(
     if isinstance(model, BodyModel):
         assert isinstance(costs, EffortSettings)
         with threads(settings.threads):
-            problem = BodyProblem(
-                character, table, model, costs, settings.speed, settings.beta, terms, settings.compile.lower()
-            )
+            problem = BodyProblem(character, table, model, costs, settings.speed, settings.beta, terms, compiling)
         plain["costs"] = problem.told(plain["costs"])
     else:
         assert isinstance(costs, CostSettings)

@@ -15,6 +15,7 @@ from hopdiff.effort.problem import BodyProblem
 from hopdiff.export.take import Segments, Take
 from hopdiff.genes import GeneTable
 from hopdiff.geometry.clip import Clip
+from hopdiff.kernels.choose import ON
 from hopdiff.metrics import run_metrics
 from hopdiff.models.gait import LEAST_FRAMES, enough_fps
 from hopdiff.motion import Motion
@@ -46,7 +47,9 @@ class Job:
     @property
     def word(self) -> str:
         """Why evaluations are not compiled, where they could have been; nothing otherwise."""
-        return self.problem.word if isinstance(self.problem, BodyProblem) else ""
+        if isinstance(self.problem, BodyProblem):
+            return self.problem.word
+        return f"compile={ON}: only model=body is compiled." if str(self.settings["compile"]).lower() == ON else ""
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,8 @@ class Told(NamedTuple):
         """With what no equation reads left out, and with all terms: one kernel also serves where nothing is asked."""
         settings = replace(numbers.settings, name="", least=LeastSettings(None, None), strength={}, tendon={}, extra={})
         settings = replace(settings, human=replace(settings.human, swing_knee_deg=0.0))
+        # How long a movement is solved for, and which leg is drawn as the lame one, is not in a kernel.
+        model = replace(model, rounds=0, adjoint_rounds=0, lame="")
         asked = numbers.asked
         if asked.external_work is None:
             settings = replace(settings, energy=NOTHING, contact_cap=NOTHING)
