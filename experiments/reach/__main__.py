@@ -36,7 +36,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     table, kept = options.out / "runs.csv", options.out / "genes.csv"
     if options.redraw:
-        rows = [{name: float(cell) for name, cell in row.items()} for row in read_table(table)]
         made = first_line(options.out / "results.md")
     else:
         made = origin("reach", words)
@@ -46,6 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # What the runs are made from: `python -m experiments.check` prices them again.
         asked = [{name: row[name] for name in ASKED} | genes for row, genes in found]
         write_table(kept, list(asked[0]), ([format(cell, ".10g") for cell in row.values()] for row in asked))
+    # As they were written, so that drawing them again gives the same digits.
+    rows = [{name: float(cell) for name, cell in row.items()} for row in read_table(table)]
     text = f"{made}\n\n{report(rows)}"
     write_whole(options.out / "results.md", text)
     save_figure(trends_figure(rows, read_table(HERE / "humans.csv")), options.out / "trends.png", dpi=110)

@@ -133,10 +133,14 @@ def test_genes_outside_the_range_of_a_search_are_told(
 
 
 def test_nothing_is_told_of_genes_inside_their_ranges(
-    finished_smooth: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    # The genes of an everyday run, which lie well inside.
+    words = ("model=smooth", "search=ordinary", "speed=4", "pictures=false", f"hydra.run.dir={tmp_path / 'first'}")
+    monkeypatch.setattr("sys.argv", ["hopdiff", *words])
+    assert main() == 0
     words = ("pictures=false", "character.proportions.legs=1.1")
-    assert replay(tmp_path / "near", finished_smooth / "genes.json", monkeypatch, *words) == 0
+    assert replay(tmp_path / "near", tmp_path / "first" / "genes.json", monkeypatch, *words) == 0
     assert "Outside" not in capsys.readouterr().out
 
 
