@@ -89,7 +89,7 @@ def packages(methods: list[str]) -> dict[str, str]:
     """Versions of what the methods run on."""
     names = ["torch", *(PEERS[name_of(method)][1] for method in methods if not own(method))]
     if any(name_of(method) == "cmaes" for method in methods):
-        names.append("cmaes")
+        names.append("cma")
     return {name: version(name) for name in dict.fromkeys(names)}
 
 

@@ -311,3 +311,9 @@ def test_a_study_that_was_killed_goes_on_and_two_share_a_folder(tmp_path: Path) 
     assert len(list(traces.glob("*/*.json"))) == 12
     assert not list(traces.glob("*/*.part"))
     assert (tmp_path / "other.md").is_file()
+
+
+def test_versions_of_the_libraries_behind_methods_are_told() -> None:
+    from experiments.searches.methods import packages
+
+    assert set(packages(["cmaes", "hybrid", "scipy_de"])) == {"torch", "cma", "scipy"}
